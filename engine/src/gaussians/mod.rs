@@ -1,0 +1,45 @@
+//! The scene as Gaussians: raw parameters, their physical values, motion, the background branch.
+
+pub mod physical;
+
+/// Attributes of one Gaussian: mean 3, quaternion 4, log scale 3, opacity logit 1, colour logit 3.
+pub const NUM_ATTRIBUTES: usize = 14;
+/// Columns of the mean (metres, clip frame).
+pub const MEAN: std::ops::Range<usize> = 0..3;
+/// Columns of the quaternion (w, x, y, z; not normalised).
+pub const QUAT: std::ops::Range<usize> = 3..7;
+/// Columns of the log scale (log metres).
+pub const LOG_SCALE: std::ops::Range<usize> = 7..10;
+/// Column of the opacity logit.
+pub const LOGIT_OPACITY: usize = 10;
+/// Columns of the colour logit.
+pub const LOGIT_COLOUR: std::ops::Range<usize> = 11..14;
+
+/// A dynamic scene: raw Gaussian parameters with timestamps and velocities.
+///
+/// # Shapes
+/// `attributes` `[N, 14]`, `times` `[N]`, `velocities` `[N, 3]`. The first `num_lidar` rows are the `LiDAR` branch, the
+/// rest is the static background (velocity zero).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GaussianSet {
+    /// `[N, 14]` raw parameters, columns as the constants of this module say; clip frame.
+    pub attributes: Vec<[f32; NUM_ATTRIBUTES]>,
+    /// `[N]` moment at which a Gaussian stands at its mean, seconds since the clip's time zero.
+    pub times: Vec<f32>,
+    /// `[N, 3]` velocity, metres a second, clip frame.
+    pub velocities: Vec<[f32; 3]>,
+    /// Number of leading rows that belong to the `LiDAR` branch.
+    pub num_lidar: usize,
+}
+
+impl GaussianSet {
+    /// Number of Gaussians of both branches.
+    pub fn len(&self) -> usize {
+        self.attributes.len()
+    }
+
+    /// Whether there is no Gaussian at all.
+    pub fn is_empty(&self) -> bool {
+        self.attributes.is_empty()
+    }
+}

@@ -1,0 +1,81 @@
+//! Raw parameters to physical values, and the chain rule back.
+
+use super::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
+use crate::render::{Splat, SplatGradient};
+
+/// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
+pub const MIN_SCALE: f32 = 1e-4;
+/// Largest physical scale of the `LiDAR` branch, metres (specification, section 4).
+pub const MAX_SCALE: f32 = 1.0;
+/// Log scales beyond this would overflow a squared f32 scale; only the background branch, which has no upper clamp, can reach it.
+const MAX_LOG_SCALE: f32 = 20.0;
+
+/// Physical values of every Gaussian, in the order of the set.
+///
+/// # Formula
+/// `scale = clamp(exp(s), 1e-4, 1)` in the `LiDAR` branch, without the upper clamp in the background; `opacity = sigmoid(a)`,
+/// `colour = sigmoid(c)`. The quaternion is passed on; the renderer normalises it.
+pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
+    (0..set.len()).map(|i| splat_of(set, i)).collect()
+}
+
+fn splat_of(set: &GaussianSet, i: usize) -> Splat {
+    let row = &set.attributes[i];
+    Splat {
+        mean: std::array::from_fn(|k| row[MEAN.start + k]),
+        quat: std::array::from_fn(|k| row[QUAT.start + k]),
+        scale: std::array::from_fn(|k| scale_of(row[LOG_SCALE.start + k], i < set.num_lidar)),
+        opacity: sigmoid(row[LOGIT_OPACITY]),
+        colour: std::array::from_fn(|k| sigmoid(row[LOGIT_COLOUR.start + k])),
+        velocity: set.velocities[i],
+        time: set.times[i],
+    }
+}
+
+/// Gradients by the raw parameters, and by the velocity, from gradients by the physical values.
+///
+/// # Shapes
+/// Result `[N, 14]` and `[N, 3]`.
+///
+/// # Gradient
+/// `d scale / d s = scale` inside the clamp and 0 outside; `d sigmoid(x) / dx = y (1 - y)`.
+pub fn to_raw_gradient(set: &GaussianSet, physical: &[SplatGradient]) -> (Vec<[f32; NUM_ATTRIBUTES]>, Vec<[f32; 3]>) {
+    let attributes = physical.iter().enumerate().map(|(i, g)| raw_gradient_of(set, i, g)).collect();
+    (attributes, physical.iter().map(|g| g.velocity).collect())
+}
+
+fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_ATTRIBUTES] {
+    let row = &set.attributes[i];
+    let mut out = [0.0; NUM_ATTRIBUTES];
+    out[MEAN].copy_from_slice(&g.mean);
+    out[QUAT].copy_from_slice(&g.quat);
+    for k in 0..3 {
+        let s = row[LOG_SCALE.start + k];
+        let scale = scale_of(s, i < set.num_lidar);
+        out[LOG_SCALE.start + k] = if s.exp() == scale { g.scale[k] * scale } else { 0.0 };
+        let colour = row[LOGIT_COLOUR.start + k];
+        out[LOGIT_COLOUR.start + k] = g.colour[k] * sigmoid_slope(colour);
+    }
+    out[LOGIT_OPACITY] = g.opacity * sigmoid_slope(row[LOGIT_OPACITY]);
+    out
+}
+
+fn scale_of(log_scale: f32, lidar: bool) -> f32 {
+    let upper = if lidar { MAX_SCALE } else { MAX_LOG_SCALE.exp() };
+    log_scale.exp().clamp(MIN_SCALE, upper)
+}
+
+/// `1 / (1 + exp(-x))`, without overflow at either end.
+pub fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+fn sigmoid_slope(x: f32) -> f32 {
+    sigmoid(x) * sigmoid(-x)
+}
+
+/// The logit of `p`, with `p` kept within 1e-4 of the ends so that the result is finite and can still be moved.
+pub fn logit(p: f32) -> f32 {
+    let p = p.clamp(1e-4, 1.0 - 1e-4);
+    (p / (1.0 - p)).ln()
+}

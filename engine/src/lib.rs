@@ -1,0 +1,6 @@
+//! The engine: from a clip to a dynamic Gaussian scene, its views and their figures.
+//!
+//! Modules stand in the order in which data run through them; a module uses those above it only.
+
+pub mod gaussians;
+pub mod render;

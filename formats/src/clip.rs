@@ -1,0 +1,67 @@
+//! A clip as validated values: what `clip.json` says, without the sensor data that its files hold.
+
+use std::path::PathBuf;
+
+use crate::{camera::Camera, pose::Pose};
+
+/// The value of `format` in `clip.json`.
+pub const CLIP_FORMAT: &str = "lgs-clip/1";
+
+/// A clip: a few timestamps of `LiDAR` and cameras with poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clip {
+    /// Name of the clip.
+    pub name: String,
+    /// Where the data come from.
+    pub source: String,
+    /// Terms under which the data may be used.
+    pub licence: String,
+    /// Timestamps in file order; at least one.
+    pub frames: Vec<Frame>,
+}
+
+/// One timestamp of a clip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// The sweep of this timestamp.
+    pub lidar: LidarRecord,
+    /// Images of this timestamp; names are unique within a frame.
+    pub cameras: Vec<CameraRecord>,
+    /// Tracked objects; `None` when the clip says nothing about them.
+    pub boxes: Option<Vec<TrackedBox>>,
+}
+
+/// Where a sweep is and from where it was taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LidarRecord {
+    /// File of little-endian f32 `x, y, z, intensity`, relative to the clip directory.
+    pub file: PathBuf,
+    /// Seconds, in the clip's own time scale.
+    pub timestamp: f64,
+    /// Pose of the sensor in the clip's world frame.
+    pub world_from_lidar: Pose,
+}
+
+/// Where an image is and from where it was taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraRecord {
+    /// Image file (PNG or JPEG), relative to the clip directory.
+    pub file: PathBuf,
+    /// Label image of the same size, relative to the clip directory: see [`crate::image::PixelLabel`].
+    pub mask: Option<PathBuf>,
+    /// The camera.
+    pub camera: Camera,
+}
+
+/// An oriented box around a tracked object. Axes: x forward, y left, z up; origin at the centre.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedBox {
+    /// Identity of the object over the frames.
+    pub track: String,
+    /// Class of the object, free text.
+    pub category: String,
+    /// Length, width, height, metres.
+    pub size: [f64; 3],
+    /// Pose of the box in the clip's world frame.
+    pub world_from_box: Pose,
+}
