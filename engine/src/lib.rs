@@ -2,5 +2,15 @@
 //!
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
+pub mod error;
+pub mod views;
+
+pub mod points;
+
 pub mod gaussians;
+
 pub mod render;
+
+pub mod loss;
+
+pub mod evaluate;

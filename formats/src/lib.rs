@@ -1,6 +1,13 @@
 //! Bytes to validated host structs and back: clips, sweeps, images, splat clouds. No tensors, no threads.
 
+pub mod error;
+pub mod pose;
+
 pub mod camera;
 pub mod clip;
+pub mod clip_dir;
+pub mod cloud;
 pub mod image;
-pub mod pose;
+pub mod ply;
+pub mod sweep;
+pub mod write;

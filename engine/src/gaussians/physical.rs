@@ -1,7 +1,6 @@
 //! Raw parameters to physical values, and the chain rule back.
 
 use super::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
-use crate::render::{Splat, SplatGradient};
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
 pub const MIN_SCALE: f32 = 1e-4;
@@ -9,6 +8,42 @@ pub const MIN_SCALE: f32 = 1e-4;
 pub const MAX_SCALE: f32 = 1.0;
 /// Log scales beyond this would overflow a squared f32 scale; only the background branch, which has no upper clamp, can reach it.
 const MAX_LOG_SCALE: f32 = 20.0;
+
+/// One Gaussian in physical values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Splat {
+    /// Where it stands at `time`, metres, clip frame.
+    pub mean: [f32; 3],
+    /// Rotation (w, x, y, z), not normalised.
+    pub quat: [f32; 4],
+    /// Standard deviations along its own axes, metres.
+    pub scale: [f32; 3],
+    /// Opacity in 0..=1.
+    pub opacity: f32,
+    /// Colour in 0..=1.
+    pub colour: [f32; 3],
+    /// Velocity, metres a second.
+    pub velocity: [f32; 3],
+    /// Moment at which it stands at `mean`, seconds.
+    pub time: f32,
+}
+
+/// Gradient of a scalar by the physical values of one Gaussian.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SplatGradient {
+    /// By the mean.
+    pub mean: [f32; 3],
+    /// By the unnormalised quaternion.
+    pub quat: [f32; 4],
+    /// By the linear scale.
+    pub scale: [f32; 3],
+    /// By the opacity.
+    pub opacity: f32,
+    /// By the colour.
+    pub colour: [f32; 3],
+    /// By the velocity.
+    pub velocity: [f32; 3],
+}
 
 /// Physical values of every Gaussian, in the order of the set.
 ///

@@ -1,0 +1,1 @@
+//! Figures of rendered views.

@@ -1,0 +1,1 @@
+//! The rendering loss: value and gradient by the rendered images.

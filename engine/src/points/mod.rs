@@ -1,0 +1,1 @@
+//! Points: sweeps in the clip frame, their colours and their spacing.

@@ -1,0 +1,1 @@
+//! Clip directories: `clip.json` and the files beside it.

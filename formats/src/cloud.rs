@@ -1,0 +1,1 @@
+//! Splat clouds as files hold them.

@@ -1,0 +1,1 @@
+//! Splat clouds as PLY files.
