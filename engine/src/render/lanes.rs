@@ -96,7 +96,7 @@ impl<S: Simd> Broadcast<S> {
 pub(super) fn exp2<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
     const ROUNDER: f32 = 12_582_912.0;
     const COEFFICIENTS: [f32; 6] =
-        [1.000_000_1, 0.693_146_97, 0.240_221_2, 0.055_507_132, 0.009_675_541, 0.001_327_647_2];
+        [1.000_000_1, 0.693_146_97, 0.240_221_2, 0.055_507_13, 0.009_675_541, 0.001_327_647_2];
     let x = simd.max_f32s(x, simd.splat_f32s(-126.0));
     let rounder = simd.splat_f32s(ROUNDER);
     let shifted = simd.add_f32s(x, rounder);
