@@ -53,13 +53,14 @@ impl KernelMap {
         let keys = sites.keys();
         let blocks = keys
             .par_chunks(BLOCK)
-            .map(|block| {
-                let mut rows = vec![NONE; kernel.pow(3) * block.len()];
+            .map_init(Vec::new, |rows, block| {
+                rows.clear();
+                rows.resize(kernel.pow(3) * block.len(), NONE);
                 for (line, (dx, dy)) in lines(radius).enumerate() {
                     let rows = &mut rows[line * kernel * block.len()..(line + 1) * kernel * block.len()];
                     join_line(keys, block, key_step(dx, dy, -radius), kernel, rows);
                 }
-                BlockPairs::of_rows(&rows, block.len())
+                BlockPairs::of_rows(rows, block.len())
             })
             .collect();
         Ok(Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3)))
@@ -219,7 +220,9 @@ const NONE: u32 = u32::MAX;
 impl BlockPairs {
     /// From a table `[num_offsets, len]` of input rows, [`NONE`] where there is none.
     fn of_rows(rows: &[u32], len: usize) -> Self {
-        let (mut ends, mut inputs, mut outputs) = (Vec::new(), Vec::new(), Vec::new());
+        let num_pairs = rows.iter().filter(|&&input| input != NONE).count();
+        let (mut inputs, mut outputs) = (Vec::with_capacity(num_pairs), Vec::with_capacity(num_pairs));
+        let mut ends = Vec::with_capacity(rows.len() / len);
         for row in rows.chunks_exact(len) {
             for (i, &input) in row.iter().enumerate() {
                 if input != NONE {

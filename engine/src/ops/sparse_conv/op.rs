@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use candle_core::{CpuStorage, CustomOp2, DType, Layout, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp2, DType, Layout, Shape, Storage, Tensor};
 
 use super::kernel::{Epilogue, PackedWeights, convolve_into};
 use super::map::KernelMap;
@@ -48,6 +48,15 @@ fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> candle_core::Resu
     }
 }
 
+/// What `read` makes of the values of a contiguous f32 tensor on the host.
+fn with_values<T>(tensor: &Tensor, read: impl FnOnce(&[f32]) -> T) -> candle_core::Result<T> {
+    let (storage, layout) = tensor.storage_and_layout();
+    match &*storage {
+        Storage::Cpu(storage) => Ok(read(contiguous(storage, layout)?)),
+        _ => candle_core::bail!("sparse convolution: expected tensors on the host"),
+    }
+}
+
 impl CustomOp2 for SparseConvolution {
     fn name(&self) -> &'static str {
         "sparse-convolution"
@@ -75,12 +84,17 @@ impl CustomOp2 for SparseConvolution {
         _result: &Tensor,
         gradient: &Tensor,
     ) -> candle_core::Result<(Option<Tensor>, Option<Tensor>)> {
-        let flat = |tensor: &Tensor| tensor.flatten_all()?.to_vec1::<f32>();
-        let (inputs, values, v_out) = (flat(features)?, flat(weight)?, flat(gradient)?);
-        let packed = PackedWeights::of_checkpoint_transposed(&values, self.map.num_offsets(), self.cin, self.cout);
-        let mut v_features = vec![0.0_f32; inputs.len()];
-        convolve_into(&v_out, &packed, &self.map.reversed(), &Epilogue::default(), &mut v_features);
-        let v_weight = by_weights(&inputs, &v_out, &self.map, self.cin, self.cout);
+        let gradient = gradient.contiguous()?;
+        let packed = with_values(weight, |values| {
+            PackedWeights::of_checkpoint_transposed(values, self.map.num_offsets(), self.cin, self.cout)
+        })?;
+        let mut v_features = vec![0.0_f32; features.elem_count()];
+        with_values(&gradient, |v_out| {
+            convolve_into(v_out, &packed, &self.map.reversed(), &Epilogue::default(), &mut v_features);
+        })?;
+        let v_weight = with_values(features, |inputs| {
+            with_values(&gradient, |v_out| by_weights(inputs, v_out, &self.map, self.cin, self.cout))
+        })??;
         Ok((
             Some(Tensor::from_vec(v_features, features.shape(), features.device())?),
             Some(Tensor::from_vec(v_weight, weight.shape(), weight.device())?),

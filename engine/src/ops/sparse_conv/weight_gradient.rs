@@ -8,10 +8,10 @@ use super::map::{BLOCK, KernelMap};
 /// Blocks of output rows whose sums are made by one piece of work: fixed, so that results do not depend on the number of threads.
 const BLOCKS_PER_PIECE: usize = 64;
 /// Pairs that are gathered and multiplied at a time; what they add up to in f32 is then added in f64.
-const PAIRS: usize = 512;
+const PAIRS: usize = 128;
 /// Output channels and input channels are padded to multiples of these.
 const COLUMNS: usize = 32;
-const ROWS: usize = 6;
+const ROWS: usize = 8;
 
 /// Gradient of a scalar by the weights, from its gradient by the output rows.
 ///
@@ -104,18 +104,17 @@ impl OuterSums {
     }
 
     #[inline(always)]
-    fn multiply<S: Simd, const VECTORS: usize>(&mut self, simd: S) {
+    fn multiply<S: Simd, const VECTORS: usize, const HEIGHT: usize>(&mut self, simd: S) {
         let (left, right) = (self.cin.next_multiple_of(ROWS), self.cout.next_multiple_of(COLUMNS));
         let gathered = S::as_simd_f32s(&self.right[..self.count * right]).0;
         let stride = right / S::F32_LANES;
-        for first in (0..left).step_by(ROWS) {
-            for column in (0..stride).step_by(VECTORS) {
-                let mut acc = [[simd.splat_f32s(0.0); VECTORS]; ROWS];
-                for (row, values) in
-                    self.left[..self.count * left].chunks_exact(left).zip(gathered.chunks_exact(stride))
-                {
-                    let (row, values) = (&row[first..first + ROWS], &values[column..column + VECTORS]);
-                    for r in 0..ROWS {
+        for column in (0..stride).step_by(VECTORS) {
+            for first in (0..left).step_by(HEIGHT) {
+                let mut acc = [[simd.splat_f32s(0.0); VECTORS]; HEIGHT];
+                let rows = self.left[..self.count * left].chunks_exact(left).zip(gathered.chunks_exact(stride));
+                for (row, values) in rows {
+                    let (row, values) = (&row[first..first + HEIGHT], &values[column..column + VECTORS]);
+                    for r in 0..HEIGHT {
                         let value = simd.splat_f32s(row[r]);
                         for v in 0..VECTORS {
                             acc[r][v] = simd.mul_add_f32s(value, values[v], acc[r][v]);
@@ -140,10 +139,10 @@ impl WithSimd for Flush<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match S::F32_LANES {
-            16 => self.0.multiply::<S, 2>(simd),
-            8 => self.0.multiply::<S, 2>(simd),
-            4 => self.0.multiply::<S, 4>(simd),
-            _ => self.0.multiply::<S, 8>(simd),
+            16 => self.0.multiply::<S, 2, 8>(simd),
+            8 => self.0.multiply::<S, 2, 4>(simd),
+            4 => self.0.multiply::<S, 4, 4>(simd),
+            _ => self.0.multiply::<S, 8, 4>(simd),
         }
     }
 }
