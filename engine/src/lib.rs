@@ -12,6 +12,8 @@ pub mod points;
 
 pub mod gaussians;
 
+pub mod network;
+
 pub mod render;
 
 pub mod loss;
