@@ -65,7 +65,7 @@ impl Levels {
         let mut current = sites.clone();
         for level in 0..num_levels {
             let submanifold = Arc::new(KernelMap::submanifold(&current, 3)?);
-            let pointwise = Arc::new(KernelMap::submanifold(&current, 1)?);
+            let pointwise = Arc::new(KernelMap::identity(current.len()));
             let num_sites = current.len();
             let mut halving = None;
             if level + 1 < num_levels {

@@ -66,6 +66,15 @@ impl KernelMap {
         Ok(Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3)))
     }
 
+    /// The map of a layer that treats every row alone.
+    pub fn identity(rows: usize) -> Self {
+        let inputs = (0..index32(rows)).collect();
+        let outputs = (0..rows).map(|i| local(i % BLOCK)).collect();
+        let first_pair = (0..=rows.div_ceil(BLOCK)).map(|block| index32((block * BLOCK).min(rows))).collect();
+        let reversed = OnceLock::new();
+        Self { num_inputs: rows, num_outputs: rows, num_offsets: 1, first_pair, inputs, outputs, reversed }
+    }
+
     /// The maps between sites and those of the grid that is coarser by 2.
     ///
     /// # Errors
