@@ -1,6 +1,8 @@
 //! `report.html`: one file that shows a run, without anything from elsewhere.
 
 mod tables;
+#[cfg(test)]
+mod tests;
 mod text;
 mod views;
 
