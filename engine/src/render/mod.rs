@@ -1,5 +1,7 @@
 //! Exact differentiable splatting of 3D Gaussians on the CPU.
 
+pub mod reference;
+
 /// A rendered image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendered {

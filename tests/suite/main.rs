@@ -1,0 +1,14 @@
+//! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
+
+mod golden;
+
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Trial};
+
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let mut cases: Vec<Trial> = Vec::new();
+    cases.extend(golden::cases());
+    libtest_mimic::run(&arguments, cases).exit_code()
+}
