@@ -1,1 +1,5 @@
-fn main() {}
+//! Times of the renderer.
+
+fn main() {
+    divan::main();
+}

@@ -1,6 +1,8 @@
 //! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
 
 mod golden;
+mod render;
+mod structure;
 
 use std::process::ExitCode;
 
@@ -10,5 +12,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut cases: Vec<Trial> = Vec::new();
     cases.extend(golden::cases());
+    cases.extend(render::cases());
+    cases.extend(structure::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }

@@ -4,6 +4,9 @@ pub mod compare;
 pub mod golden;
 pub mod pictures;
 pub mod places;
+pub mod random;
+pub mod scenes;
+pub mod sources;
 
 /// Result of one case; the error is what the report prints.
 pub type Outcome = Result<(), libtest_mimic::Failed>;

@@ -8,6 +8,7 @@ use lgs_tests::golden::render::{GoldenLoss, RenderGolden, load};
 use lgs_tests::golden::tensors::TensorFile;
 use lgs_tests::golden::{GoldenFile, files};
 use lgs_tests::pictures::with_pictures;
+use lgs_tests::scenes::weighted_sum;
 use lgs_tests::{Outcome, case};
 use libtest_mimic::Trial;
 
@@ -57,14 +58,6 @@ fn twin_losses(_name: &str, golden: &RenderGolden) -> Outcome {
         close_where(name, &[value], &[loss.value], relative(1e-9, 1e-9), |_| true)?;
     }
     Ok(())
-}
-
-fn weighted_sum(images: &Images, weights: &Images) -> f64 {
-    let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    sum(&images.rgb, &weights.rgb)
-        + sum(&images.alpha, &weights.alpha)
-        + sum(&images.depth, &weights.depth)
-        + sum(&images.expected_depth, &weights.expected_depth)
 }
 
 fn twin_gradients(_name: &str, golden: &RenderGolden) -> Outcome {

@@ -66,9 +66,7 @@ pub(super) fn contributions(footprints: &[Footprint], centre: [f64; 2]) -> Vec<C
     let mut stack = Vec::new();
     let mut transmittance = 1.0;
     for &footprint in footprints {
-        let [xx, xy, yy] = footprint.conic;
-        let [dx, dy] = [footprint.mean2d[0] - centre[0], footprint.mean2d[1] - centre[1]];
-        let sigma = 0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy;
+        let sigma = sigma(&footprint, centre);
         let falloff = (-sigma).exp();
         let alpha = (footprint.opacity * falloff).min(ALPHA_CAP);
         if sigma < 0.0 || alpha < ALPHA_FLOOR {
@@ -78,10 +76,42 @@ pub(super) fn contributions(footprints: &[Footprint], centre: [f64; 2]) -> Vec<C
         if behind <= OPAQUE {
             break;
         }
-        stack.push(Contribution { footprint, offset: [dx, dy], falloff, alpha, transmittance });
+        stack.push(Contribution { footprint, offset: offset(&footprint, centre), falloff, alpha, transmittance });
         transmittance = behind;
     }
     stack
+}
+
+/// `mean2d` minus the pixel's centre.
+fn offset(footprint: &Footprint, centre: [f64; 2]) -> [f64; 2] {
+    [footprint.mean2d[0] - centre[0], footprint.mean2d[1] - centre[1]]
+}
+
+/// Half the squared Mahalanobis distance of the pixel's centre.
+fn sigma(footprint: &Footprint, centre: [f64; 2]) -> f64 {
+    let [xx, xy, yy] = footprint.conic;
+    let [dx, dy] = offset(footprint, centre);
+    0.5 * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
+}
+
+/// Whether some threshold nearly decides otherwise in this pixel: an alpha within `margin`, relative, of the floor or the cap,
+/// or a transmittance of the end.
+pub(super) fn is_fragile(footprints: &[Footprint], centre: [f64; 2], margin: f64) -> bool {
+    let near = |value: f64, threshold: f64| (value - threshold).abs() <= margin * threshold;
+    let mut transmittance = 1.0;
+    for footprint in footprints {
+        let raw_alpha = footprint.opacity * (-sigma(footprint, centre)).exp();
+        if near(raw_alpha, ALPHA_FLOOR) || near(raw_alpha, ALPHA_CAP) {
+            return true;
+        }
+        if raw_alpha >= ALPHA_FLOOR {
+            transmittance *= 1.0 - raw_alpha.min(ALPHA_CAP);
+        }
+        if transmittance <= OPAQUE * (1.0 + margin) {
+            return transmittance >= OPAQUE * (1.0 - margin);
+        }
+    }
+    false
 }
 
 /// The value of the pixel.

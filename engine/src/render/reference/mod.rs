@@ -6,7 +6,7 @@ mod composite;
 mod dual;
 mod project;
 
-use composite::{Footprint, PixelGradient, composite_pixel, contributions, pixel_backward};
+use composite::{Footprint, PixelGradient, composite_pixel, contributions, is_fragile, pixel_backward};
 use project::{Projection, project};
 
 /// One Gaussian in physical values.
@@ -108,6 +108,14 @@ pub fn render(gaussians: &[Gaussian], camera: &Camera, background: [f64; 3]) -> 
         images.expected_depth[pixel] = value.expected_depth;
     }
     images
+}
+
+/// `[H, W]` pixels in which a threshold nearly decides otherwise: an alpha within `margin`, relative, of its floor or cap, or
+/// a transmittance of the end. There, rounding may change the value, and finite differences mean nothing.
+pub fn fragile_pixels(gaussians: &[Gaussian], camera: &Camera, margin: f64) -> Vec<bool> {
+    let footprints = sorted_footprints(gaussians, &project_all(gaussians, camera));
+    let pixels = 0..camera.width * camera.height;
+    pixels.map(|pixel| is_fragile(&footprints, pixel_centre(camera, pixel), margin)).collect()
 }
 
 /// The gradient of a scalar by every Gaussian, given its gradient by the images that [`render`] returns.
