@@ -1,6 +1,8 @@
 //! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
 
+mod cli;
 mod golden;
+mod readme;
 mod render;
 mod structure;
 
@@ -14,5 +16,7 @@ fn main() -> ExitCode {
     cases.extend(golden::cases());
     cases.extend(render::cases());
     cases.extend(structure::cases());
+    cases.extend(cli::cases());
+    cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }

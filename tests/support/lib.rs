@@ -1,10 +1,14 @@
 //! What the suite and the benches share: places, goldens, comparisons, scenes, processes.
 
+pub mod clips;
 pub mod compare;
 pub mod golden;
+pub mod metrics;
 pub mod pictures;
 pub mod places;
+pub mod process;
 pub mod random;
+pub mod readme;
 pub mod scenes;
 pub mod sources;
 

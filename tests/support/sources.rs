@@ -31,7 +31,11 @@ fn tracked_files(root: &Path) -> Option<Vec<PathBuf>> {
     output.status.success().then(|| names.split_terminator('\0').map(PathBuf::from).collect())
 }
 
-fn all_files(root: &Path) -> Result<Vec<PathBuf>, String> {
+/// Every file under `root`, relative to it.
+///
+/// # Errors
+/// A directory cannot be read.
+pub fn all_files(root: &Path) -> Result<Vec<PathBuf>, String> {
     let mut found = Vec::new();
     let mut open = vec![PathBuf::new()];
     while let Some(directory) = open.pop() {
