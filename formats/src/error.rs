@@ -27,6 +27,16 @@ pub enum FormatError {
         /// What was there.
         found: String,
     },
+    /// The text cannot be parsed, or holds keys or types that the format does not know.
+    #[error("{}: {field}: {message}", file.display())]
+    Syntax {
+        /// The file.
+        file: PathBuf,
+        /// Path of the field with its line, for example `frames[0].lidar (line 7)`.
+        field: String,
+        /// The parser's own sentence.
+        message: String,
+    },
 }
 
 impl FormatError {
