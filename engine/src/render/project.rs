@@ -59,6 +59,8 @@ pub(super) struct Footprint {
     pub(super) curve_u: f32,
     /// `-log2(e) / 2 / cov_yy`.
     pub(super) curve_y: f32,
+    /// `-1 / curve_u`, px^2.
+    pub(super) width2: f32,
     pub(super) log2_opacity: f32,
     pub(super) colour: [f32; 3],
     /// Depth along the camera's z axis, metres.
@@ -160,6 +162,7 @@ impl Projector {
             shear: (xy / yy) as f32,
             curve_u: (-half_log2_e * (yy / projected.determinant)) as f32,
             curve_y: (-half_log2_e / yy) as f32,
+            width2: (projected.determinant / (half_log2_e * yy)) as f32,
             log2_opacity: f64::from(splat.opacity).log2() as f32,
             colour: splat.colour,
             depth: projected.camera_mean.z as f32,
@@ -177,12 +180,17 @@ impl Footprint {
     #[inline(always)]
     pub(super) fn half_width(&self, dy: f32) -> f32 {
         let room = self.log2_opacity - LOG2_ALPHA_MIN + self.curve_y * dy * dy;
-        (room.max(0.0) / -self.curve_u).sqrt()
+        (room.max(0.0) * self.width2).sqrt()
     }
 
     fn is_finite(&self) -> bool {
-        let sum = self.mean_x + self.mean_y + self.shear + self.curve_u + self.curve_y + self.log2_opacity;
-        let rest = self.colour.iter().sum::<f32>() + self.depth + self.extent_x + self.extent_y + self.widest_y;
+        let sum = self.mean_x + self.mean_y + self.shear + self.curve_u + self.curve_y + self.width2;
+        let rest = self.colour.iter().sum::<f32>()
+            + self.log2_opacity
+            + self.depth
+            + self.extent_x
+            + self.extent_y
+            + self.widest_y;
         sum.is_finite() && rest.is_finite()
     }
 }
