@@ -67,9 +67,8 @@ pub fn close_l2(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f6
     if got.len() != want.len() {
         return Err(format!("{what}: {} values, want {}", got.len(), want.len()).into());
     }
-    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
-    let size = norm(&mut want.iter().copied()).max(floor);
-    let error = norm(&mut got.iter().zip(want).map(|(g, w)| g - w));
+    let size = l2(want).max(floor);
+    let error = l2(&got.iter().zip(want).map(|(g, w)| g - w).collect::<Vec<_>>());
     if error <= tolerance * size || got == want {
         return Ok(());
     }
@@ -82,6 +81,11 @@ pub fn close_l2(what: &str, got: &[f64], want: &[f64], tolerance: f64, floor: f6
         want[worst]
     );
     Err(text.into())
+}
+
+/// The Euclidean norm.
+pub fn l2(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// Fails unless `got` and `want` are the same bits.

@@ -1,5 +1,7 @@
 //! Made-up scenes for the renderer, in f64 values that f32 holds exactly.
 
+use std::ops::Range;
+
 use lgs_engine::gaussians::physical::{Splat, SplatGradient};
 use lgs_engine::render::reference::{Camera, Gaussian, Gradient, Images};
 use lgs_engine::render::{ImageGradient, Rendered};
@@ -59,16 +61,22 @@ fn random_gaussian(camera: &Camera, opacities: [f64; 2], random: &mut Random) ->
     let z = random.uniform(2.0, 12.0);
     let u = random.uniform(-0.2, 1.2) * camera.width as f64;
     let v = random.uniform(-0.2, 1.2) * camera.height as f64;
-    let seen = [(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z];
+    let sizes_px = random.uniforms(0.3, 4.0);
+    let opacity = random.uniform(opacities[0], opacities[1]);
+    Gaussian { opacity, ..from_pixels(camera, [u, v], z, sizes_px, random) }
+}
+
+/// A Gaussian that stands at a pixel and a depth, with standard deviations of so many pixels; what is left is random.
+pub fn from_pixels(camera: &Camera, pixel: [f64; 2], z: f64, sizes_px: [f64; 3], random: &mut Random) -> Gaussian {
+    let seen = [(pixel[0] - camera.cx) / camera.fx * z, (pixel[1] - camera.cy) / camera.fy * z, z];
     let rows = &camera.camera_from_world;
     let relative: [f64; 3] = std::array::from_fn(|k| seen[k] - rows[k][3]);
     let world: [f64; 3] = std::array::from_fn(|c| (0..3).map(|r| rows[r][c] * relative[r]).sum());
-    let size = z / camera.fx;
     Gaussian {
         mean: world.map(single),
         quat: random.uniforms(-1.0, 1.0),
-        scale: random.uniforms::<3>(0.3, 4.0).map(|px| single(px * size)),
-        opacity: random.uniform(opacities[0], opacities[1]),
+        scale: sizes_px.map(|px| single(px * z / camera.fx)),
+        opacity: random.uniform(0.05, 1.0),
         colour: random.uniforms(0.0, 1.0),
         velocity: random.uniforms(-0.5, 0.5),
         time: random.uniform(0.0, 0.5),
@@ -184,4 +192,20 @@ pub fn gradients_of(gradients: &[SplatGradient]) -> Vec<Gradient> {
         velocity: g.velocity.map(f64::from),
     };
     gradients.iter().map(gradient).collect()
+}
+
+/// The parts of a flattened gradient.
+pub const GRADIENT_PARTS: [(&str, Range<usize>); 6] =
+    [("mean", 0..3), ("quat", 3..7), ("scale", 7..10), ("opacity", 10..11), ("colour", 11..14), ("velocity", 14..17)];
+
+/// The 17 numbers of one gradient, in the order of [`GRADIENT_PARTS`].
+pub fn flat_gradient(g: &Gradient) -> [f64; 17] {
+    let mut out = [0.0; 17];
+    out[..3].copy_from_slice(&g.mean);
+    out[3..7].copy_from_slice(&g.quat);
+    out[7..10].copy_from_slice(&g.scale);
+    out[10] = g.opacity;
+    out[11..14].copy_from_slice(&g.colour);
+    out[14..].copy_from_slice(&g.velocity);
+    out
 }

@@ -3,14 +3,12 @@
 use lgs_engine::render::reference::{Gaussian, Images, fragile_pixels};
 use lgs_tests::Outcome;
 use lgs_tests::compare::close_l2;
-use lgs_tests::scenes::{Look, Scene, random_scene, random_weights, weighted_sum};
+use lgs_tests::scenes::{GRADIENT_PARTS, Look, Scene, flat_gradient, random_scene, random_weights, weighted_sum};
 use libtest_mimic::Trial;
 
-use super::renderer::{Renderer, flat, flat_one};
+use super::renderer::{Renderer, flat};
 
 const LOOK: Look = Look { num: 24, width: 40, height: 28, opacities: [0.3, 0.95] };
-const NAMES: [&str; 6] = ["mean", "quat", "scale", "opacity", "colour", "velocity"];
-const STARTS: [usize; 7] = [0, 3, 7, 10, 11, 14, 17];
 
 pub(crate) fn cases(renderer: Renderer) -> Vec<Trial> {
     vec![renderer.case("gradients_are_finite_differences", gradients_are_finite_differences)]
@@ -19,17 +17,16 @@ pub(crate) fn cases(renderer: Renderer) -> Vec<Trial> {
 fn gradients_are_finite_differences(renderer: Renderer) -> Outcome {
     for seed in 1..=3 {
         let scene = random_scene(LOOK, seed);
-        let skip = fragile_pixels(&scene.gaussians, &scene.camera, renderer.step() * 100.0);
+        let skip = fragile_pixels(&scene.gaussians, &scene.camera, renderer.step_margin());
         let weights = random_weights(&scene.camera, &skip, seed);
         let got = renderer.gradients(&scene, &weights);
-        for part in 0..NAMES.len() {
-            let columns = STARTS[part]..STARTS[part + 1];
-            let got: Vec<f64> = got.iter().flat_map(|g| flat_one(g)[columns.clone()].to_vec()).collect();
+        for (part, columns) in GRADIENT_PARTS {
+            let got: Vec<f64> = got.iter().flat_map(|g| flat_gradient(g)[columns.clone()].to_vec()).collect();
             let numbers = scene.gaussians.len() * columns.len();
             let parameter = |k: usize| (k / columns.len(), columns.start + k % columns.len());
             let want: Vec<f64> =
                 (0..numbers).map(|k| central_difference(renderer, &scene, &weights, parameter(k))).collect();
-            let what = format!("seed {seed}, gradient by {}", NAMES[part]);
+            let what = format!("seed {seed}, gradient by {part}");
             close_l2(&what, &got, &want, renderer.difference_tolerance(), 1e-3)?;
         }
         if flat(&got).iter().all(|&v| v == 0.0) {

@@ -2,6 +2,7 @@
 
 mod chain_rule;
 mod differences;
+mod fast;
 mod motion;
 mod renderer;
 mod simple;
@@ -16,6 +17,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         cases.extend(motion::cases(renderer));
         cases.extend(simple::cases(renderer));
     }
+    cases.extend(fast::cases());
     cases.extend(chain_rule::cases());
     cases
 }
