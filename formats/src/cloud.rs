@@ -23,3 +23,15 @@ pub struct SplatCloud {
     /// Further columns of N values, by name, in file order.
     pub extra: Vec<(String, Vec<f32>)>,
 }
+
+impl SplatCloud {
+    /// The number of splats.
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// Whether there is no splat.
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+}
