@@ -11,6 +11,7 @@ pub mod random;
 pub mod readme;
 pub mod scenes;
 pub mod sources;
+pub mod views;
 
 /// Result of one case; the error is what the report prints.
 pub type Outcome = Result<(), libtest_mimic::Failed>;

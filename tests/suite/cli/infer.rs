@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use lgs_formats::ply::read_ply;
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::metrics::{self, FIGURES};
 use lgs_tests::process::{binary, run};
@@ -18,6 +19,8 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("cli::infer::same_bytes_for_any_number_of_threads", same_bytes_for_any_number_of_threads),
         case("cli::infer::views_can_be_left_out", views_can_be_left_out),
         case("cli::infer::frames_and_cameras_can_be_chosen", frames_and_cameras_can_be_chosen),
+        case("cli::infer::a_moment_can_be_chosen", a_moment_can_be_chosen),
+        case("cli::infer::held_out_files_do_not_reach_the_scene", held_out_files_do_not_reach_the_scene),
         case("cli::infer::epochs_and_map_coordinates_do_not_matter", epochs_and_map_coordinates_do_not_matter),
         case("cli::infer::json_goes_to_stdout", json_goes_to_stdout),
     ]
@@ -92,9 +95,10 @@ fn metrics_have_exactly_the_promised_keys() -> Outcome {
         return Err(format!("format, weights, threads, seed: got {got:?}, want {want:?}").into());
     }
     let count = |key: &str| page["gaussians"][key].as_u64().ok_or(format!("gaussians.{key} is no count"));
-    let kept = count("initial")? - count("pruned")? + count("added")?;
-    if count("final")? != kept + count("background")? && count("final")? != kept {
-        return Err(format!("the counts do not add up: {}", page["gaussians"]).into());
+    let added_up = count("initial")? - count("pruned")? + count("added")?;
+    let saved = u64::try_from(read_ply(&out.join("scene.ply"))?.len())?;
+    if count("final")? != added_up || saved != count("final")? + count("background")? {
+        return Err(format!("{} do not add up to the {saved} of scene.ply", page["gaussians"]).into());
     }
     let psnr = metrics::number(&page, &["mean", "held_out", "psnr"])?;
     if psnr > 10.0 { Ok(()) } else { Err(format!("held-out PSNR {psnr}: nothing recognisable").into()) }
@@ -163,6 +167,41 @@ fn frames_and_cameras_can_be_chosen() -> Outcome {
     let picture = image::open(out.join(format!("views/f1_{camera}_render.png")))?;
     let size = (picture.height(), picture.width());
     if size == (60, 100) { Ok(()) } else { Err(format!("rendered at {size:?}, want (60, 100)").into()) }
+}
+
+/// At a moment of its own a view has no truth: pictures, but no figures.
+fn a_moment_can_be_chosen() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let out = place.path().join("out");
+    infer(&clips::street(), &out, &["--at-time", "0.05", "--frames", "0"])?;
+    let page = metrics::read(&out)?;
+    metrics::expect_promised_keys(&page)?;
+    let measured = FIGURES.iter().find(|figure| !page["views"][0][**figure].is_null());
+    if let Some(figure) = measured {
+        return Err(format!("{figure} of a view that has no truth: {}", page["views"][0]).into());
+    }
+    let has_render = files(&out)?.iter().any(|path| path.to_string_lossy().ends_with("_render.png"));
+    if has_render { Ok(()) } else { Err("no picture at the moment that was asked for".into()) }
+}
+
+/// A held-out frame may change its own figures and nothing else.
+fn held_out_files_do_not_reach_the_scene() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let [clean, other, clip] = ["clean", "other", "clip"].map(|name| place.path().join(name));
+    clips::copy(&clips::street(), &clip)?;
+    let [own_sweep, next_sweep] =
+        [clips::named_file(&clip, "/frames/1/lidar/file")?, clips::named_file(&clip, "/frames/2/lidar/file")?];
+    fs::copy(next_sweep, own_sweep)?;
+    let image_file = clips::named_file(&clip, "/frames/1/cameras/0/file")?;
+    let mut picture = image::open(&image_file)?.to_rgb8();
+    picture.iter_mut().for_each(|byte| *byte = 255 - *byte);
+    picture.save(&image_file)?;
+    infer(&clips::street(), &clean, &["--hold-out", "1", "--views", "none"])?;
+    infer(&clip, &other, &["--hold-out", "1", "--views", "none"])?;
+    if fs::read(clean.join("scene.ply"))? == fs::read(other.join("scene.ply"))? {
+        return Ok(());
+    }
+    Err("the files of a held-out frame change the scene".into())
 }
 
 /// The same clip with epoch seconds and map coordinates gives the same figures.
