@@ -112,3 +112,6 @@ pub fn write_clip(root: &Path, clip: &Clip) -> Result<()> {
     let text = clip_json::to_text(&file, clip)?;
     write_atomic(&file, &text)
 }
+
+#[cfg(test)]
+mod tests;

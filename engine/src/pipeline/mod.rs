@@ -8,6 +8,8 @@ mod hold_out;
 mod inputs;
 mod reconstruct;
 mod stages;
+#[cfg(test)]
+mod tests;
 
 pub use evaluate::{Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;

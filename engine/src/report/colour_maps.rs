@@ -46,15 +46,15 @@ impl ColourMap {
         std::array::from_fn(|k| to_byte(self.coefficients.iter().rev().fold(0.0, |sum, row| sum * x + row[k])))
     }
 
-    /// The map as a CSS gradient from 0 to 1, left to right.
-    pub(super) fn css_gradient(&self) -> String {
+    /// The map as a CSS gradient from 0 to 1 towards a side.
+    pub(super) fn css_gradient(&self, side: &str) -> String {
         let stops: Vec<String> = (0_u8..=16)
             .map(|k| {
                 let [r, g, b] = self.colour(f32::from(k) / 16.0);
                 format!("rgb({r},{g},{b})")
             })
             .collect();
-        format!("linear-gradient(to right,{})", stops.join(","))
+        format!("linear-gradient(to {side},{})", stops.join(","))
     }
 }
 

@@ -7,9 +7,9 @@ use super::colour_maps::{INFERNO, VIRIDIS, to_byte};
 use crate::{render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.
-pub const ERROR_FULL_SCALE: f32 = 0.3;
+pub const ERROR_FULL_SCALE: f32 = 0.5;
 /// Depths (metres) at the near, bright and the far, dark end of the depth picture's logarithmic scale.
-pub const DEPTH_SCALE_M: [f32; 2] = [1.0, 200.0];
+pub const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
 /// Grey of pixels that take no part in the figures.
 const IGNORED: [u8; 3] = [70, 70, 70];
 const JPEG_QUALITY: u8 = 88;
@@ -145,10 +145,10 @@ mod tests {
     #[test]
     fn depth_is_black_where_nothing_was_drawn_and_brighter_when_nearer() {
         let mut near = rendered();
-        near.depth[1] = 1.0;
+        near.depth[1] = 2.0;
         let (far, near) = (Picture::of_depth(&rendered()), Picture::of_depth(&near));
         assert_eq!(far.pixels.get_pixel(0, 0).0, [0, 0, 0]);
-        let expected = VIRIDIS.colour(1.0 - 10.0_f32.ln() / 200.0_f32.ln());
+        let expected = VIRIDIS.colour((200.0_f32 / 10.0).ln() / (200.0_f32 / 2.0).ln());
         assert_eq!(far.pixels.get_pixel(1, 0).0, expected);
         assert!(near.pixels.get_pixel(1, 0).0[1] > expected[1]);
     }

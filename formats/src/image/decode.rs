@@ -85,6 +85,5 @@ fn compare_size(path: &Path, (width, height): (u32, u32), camera: &Camera) -> Re
 }
 
 fn damaged(path: &Path, error: &ImageError) -> FormatError {
-    let message = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-    FormatError::Syntax { file: path.to_owned(), field: "image".to_owned(), message }
+    FormatError::syntax(path, "image", error.to_string())
 }

@@ -58,10 +58,8 @@ fn encode(path: &Path, width: usize, height: usize, bytes: &[u8], colour: Extend
         return Err(FormatError::invalid(path, "image data", expected, format!("{} values", bytes.len())));
     };
     let mut png = Vec::new();
-    PngEncoder::new(&mut png).write_image(bytes, w, h, colour).map_err(|e| FormatError::Syntax {
-        file: path.to_owned(),
-        field: "image".to_owned(),
-        message: e.to_string(),
-    })?;
+    PngEncoder::new(&mut png)
+        .write_image(bytes, w, h, colour)
+        .map_err(|e| FormatError::syntax(path, "image", e.to_string()))?;
     Ok(png)
 }

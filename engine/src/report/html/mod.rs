@@ -45,14 +45,14 @@ pub fn html(page: &Page<'_>) -> String {
     let title = format!("{} – LGS reconstruction", escape(&metrics.clip));
     let (held_out, input) = (views_of(page, Role::HeldOut), views_of(page, Role::Input));
     let mut body = header(page) + &cards(metrics);
+    if !page.views.is_empty() {
+        body += &legend(metrics.config.at_time.is_none());
+    }
     body += &section("Held-out views", "The reconstruction saw neither these images nor their sweeps.", &held_out);
     if held_out.is_empty() {
         body += &section("Input views", INPUT_NOTE, &input);
     } else {
         body += &folded("Input views", INPUT_NOTE, &input);
-    }
-    if !page.views.is_empty() {
-        body += &legend(metrics.config.at_time.is_none());
     }
     body += &section("Figures", "", &figure_table(metrics));
     body += &section("Time", "", &stage_bars(metrics));

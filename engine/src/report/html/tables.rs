@@ -7,15 +7,17 @@ use super::{
 use crate::{
     evaluate::ViewFigures,
     pipeline::Stage,
-    report::metrics::{FIGURES, Metrics, role_name},
+    report::metrics::{FIGURES, FigureKind, Metrics, role_name},
     views::Role,
 };
 
 /// Mean figures by role, and the figures of every view; nothing when there are none.
 pub(super) fn figure_table(metrics: &Metrics) -> String {
-    let heads: String = FIGURES.iter().map(|kind| format!("<th>{} {}</th>", kind.label, kind.better)).collect();
+    let measured = |kind: &&FigureKind| metrics.views.iter().any(|view| (kind.get)(&view.figures).is_some());
+    let columns: Vec<&FigureKind> = FIGURES.iter().filter(measured).collect();
+    let heads: String = columns.iter().map(|kind| format!("<th>{} {}</th>", kind.label, kind.better)).collect();
     let row = |class: &str, name: &str, figures: &ViewFigures| {
-        let cells: String = FIGURES.iter().map(|kind| format!("<td>{}</td>", kind.text(figures))).collect();
+        let cells: String = columns.iter().map(|kind| format!("<td>{}</td>", kind.text(figures))).collect();
         format!("<tr{class}><th>{name}</th>{cells}</tr>\n")
     };
     let mut rows = String::new();
@@ -27,7 +29,7 @@ pub(super) fn figure_table(metrics: &Metrics) -> String {
         rows += &row(" class=\"mean\"", &format!("mean, {}", role_name(role)), mean);
         rows.extend(views.map(|v| row("", &format!("frame {} · {}", v.frame, escape(&v.camera)), &v.figures)));
     }
-    if rows.is_empty() || metrics.config.at_time.is_some() {
+    if columns.is_empty() {
         return String::new();
     }
     format!(

@@ -47,11 +47,11 @@ pub(super) fn legend(with_error: bool) -> String {
     };
     let error = format!(
         "<li><b>error</b> mean absolute difference of the colour channels (0 to 1) {} grey: not counted</li>\n",
-        ramp("0".into(), INFERNO.css_gradient(), format!("{ERROR_FULL_SCALE} and more"))
+        ramp("0".into(), INFERNO.css_gradient("right"), format!("{ERROR_FULL_SCALE} and more"))
     );
     let depth = format!(
         "<li><b>depth</b> expected depth, logarithmic {} black: nothing drawn</li>\n",
-        ramp(format!("{far} m and more"), VIRIDIS.css_gradient(), format!("{near} m and less"))
+        ramp(format!("{near} m and less"), VIRIDIS.css_gradient("left"), format!("{far} m and more"))
     );
     let hint = "<li>Click or tap a picture to enlarge it.</li>\n";
     format!("<ul class=\"legend\">\n{}{depth}{hint}</ul>\n", if with_error { error } else { String::new() })
