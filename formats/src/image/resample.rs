@@ -193,3 +193,6 @@ impl Axis {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;
