@@ -188,7 +188,7 @@ fn spread_slopes(
             for (slopes, spread) in slopes.iter().zip(out.chunks_exact_mut(row_len)) {
                 arch.dispatch(SpreadRow { window: &window, slopes, spread });
             }
-            *row_sum = values[..len].iter().map(|&v| f64::from(v)).sum();
+            *row_sum = arch.dispatch(|| rows::sum(&values[..len]));
         },
     );
     row_sums

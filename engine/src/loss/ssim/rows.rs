@@ -33,6 +33,17 @@ pub(super) fn window() -> [f32; WINDOW] {
     weights
 }
 
+/// Sum in f64, as eight sums side by side.
+#[inline(always)]
+pub(super) fn sum(values: &[f32]) -> f64 {
+    let mut sums = [0.0_f64; 8];
+    let (whole, rest) = values.as_chunks::<8>();
+    for chunk in whole {
+        sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += f64::from(value));
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|&value| f64::from(value)).sum::<f64>()
+}
+
 #[inline(always)]
 fn load<S: Simd>(row: &[f32], start: usize) -> S::f32s {
     S::as_simd_f32s(&row[start..start + S::F32_LANES]).0[0]
