@@ -46,3 +46,19 @@ fn set_variable(name: &str, value: &str) {
         std::env::set_var(name, value);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroUsize;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn it_is_too_late_once_other_threads_run() {
+        let (end, ended) = std::sync::mpsc::channel::<()>();
+        let other = std::thread::spawn(move || ended.recv());
+        let error = super::set_num_threads(NonZeroUsize::new(3)).unwrap_err().to_string();
+        drop(end);
+        assert!(other.join().unwrap().is_err());
+        assert_eq!(error, "--threads: expected a process of one thread, found other threads running");
+    }
+}

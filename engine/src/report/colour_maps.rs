@@ -1,5 +1,7 @@
 //! Colour maps: a value in 0..=1 to a colour whose lightness follows it.
 
+use lgs_formats::image::to_byte;
+
 /// A perceptually even colour map, as a polynomial per channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ColourMap {
@@ -58,15 +60,9 @@ impl ColourMap {
     }
 }
 
-/// The byte of a value in 0..=1; values beyond are brought to the ends, what is not a number to 0.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255; NaN becomes 0")]
-pub(super) fn to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0).round() as u8
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{ColourMap, INFERNO, VIRIDIS, to_byte};
+    use super::{ColourMap, INFERNO, VIRIDIS};
 
     fn luminance(map: ColourMap, step: u8) -> f32 {
         let [r, g, b] = map.colour(f32::from(step) / 255.0).map(f32::from);
@@ -90,6 +86,5 @@ mod tests {
         assert!(near(VIRIDIS.colour(0.0), [68, 1, 84]) && near(VIRIDIS.colour(1.0), [253, 231, 37]));
         assert_eq!(INFERNO.colour(f32::NAN), INFERNO.colour(0.0));
         assert_eq!(INFERNO.colour(f32::INFINITY), INFERNO.colour(1.0));
-        assert_eq!([to_byte(-1.0), to_byte(f32::NAN), to_byte(0.5), to_byte(2.0)], [0, 0, 128, 255]);
     }
 }

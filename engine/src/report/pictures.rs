@@ -1,9 +1,9 @@
 //! Pictures of a rendered view: what was drawn, what was true, how far apart they are, how far away things are.
 
 use image::{ImageError, ImageFormat, codecs::jpeg::JpegEncoder, imageops};
-use lgs_formats::image::{PixelLabel, RgbImage};
+use lgs_formats::image::{PixelLabel, RgbImage, to_byte};
 
-use super::colour_maps::{INFERNO, VIRIDIS, to_byte};
+use super::colour_maps::{INFERNO, VIRIDIS};
 use crate::{render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.

@@ -21,11 +21,11 @@ fn main() -> ExitCode {
     let args = match args::Args::try_parse() {
         Ok(args) => args,
         Err(error) if error.use_stderr() => return fail(&usage(&error)),
-        Err(help) => return finish(&help.to_string()),
+        Err(help) => return finish(&format!("{}\n", help.to_string().trim_end())),
     };
     match run::run(&args) {
         Ok(text) => finish(&text),
-        Err(error) => fail(&format!("{error:#}")),
+        Err(error) => fail(&chain(&error)),
     }
 }
 
@@ -46,9 +46,28 @@ fn fail(message: &str) -> ExitCode {
     ExitCode::from(ERROR)
 }
 
+/// The error and its causes, each once: some errors name their cause themselves.
+fn chain(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |line, cause| {
+        let separator = if line.is_empty() { "" } else { ": " };
+        if line.ends_with(&cause) { line } else { line + separator + &cause }
+    })
+}
+
 /// What is wrong with the command line, without the usage that clap puts below it.
 fn usage(error: &clap::Error) -> String {
     let text = error.to_string();
     let what = text.split("\n\n").next().unwrap_or(&text);
     format!("{} (see --help)", what.trim_start_matches("error: "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::chain;
+
+    #[test]
+    fn a_cause_is_named_once() {
+        let error = anyhow::anyhow!("no such file").context("clip.json: read: no such file").context("clip");
+        assert_eq!(chain(&error), "clip: clip.json: read: no such file");
+    }
 }

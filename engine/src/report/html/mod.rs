@@ -1,6 +1,8 @@
 //! `report.html`: one file that shows a run, without anything from elsewhere.
 
 mod tables;
+#[cfg(test)]
+mod tests;
 mod text;
 mod views;
 
@@ -80,7 +82,7 @@ fn header(page: &Page<'_>) -> String {
         "<header>\n<p class=\"brand\">LGS reconstruction</p>\n<h1>{}</h1>\n<p class=\"facts\">{}</p>\n\
          <p class=\"origin\">{} · {}</p>\n</header>\n",
         escape(clip),
-        facts.join(" · "),
+        facts.map(|fact| format!("<span>{fact}</span>")).join(" · "),
         escape(page.source),
         escape(page.licence)
     )

@@ -23,6 +23,7 @@ fn view(record: &ViewRecord, view: &PageView) -> String {
     let chip = |kind: &FigureKind| format!("<li><span>{}</span> {}</li>", kind.label, kind.text(&record.figures));
     let chips: String = defined.map(chip).collect();
     let [width, height] = view.size;
+    let columns = if width > 2 * height { "pictures panoramas" } else { "pictures" };
     let name = format!("Frame {} · {}", record.frame, escape(&record.camera));
     let picture = |(kind, jpeg): &(PictureKind, Vec<u8>)| {
         let kind = kind.name();
@@ -34,7 +35,7 @@ fn view(record: &ViewRecord, view: &PageView) -> String {
     };
     let pictures: String = view.pictures.iter().map(picture).collect();
     format!(
-        "<article>\n<h3>{name}</h3>\n<ul class=\"chips\">{chips}</ul>\n<div class=\"pictures\">\n{pictures}</div>\n\
+        "<article>\n<h3>{name}</h3>\n<ul class=\"chips\">{chips}</ul>\n<div class=\"{columns}\">\n{pictures}</div>\n\
          </article>\n"
     )
 }
