@@ -16,27 +16,36 @@ use crate::{render::Rendered, views::DepthSample};
 ///
 /// # Gradient
 /// `weight sign(expected - LiDAR) / samples`, 0 where both are equal.
-pub fn depth_loss(
+pub(super) fn depth_loss(
     rendered: &Rendered,
     samples: &[DepthSample],
     labels: Option<&[PixelLabel]>,
     weight: f32,
 ) -> (f64, Vec<f32>) {
-    let valid = || samples.iter().filter(|s| labels.is_none_or(|l| l[s.pixel as usize] != PixelLabel::Ignored));
-    let count = valid().count();
+    let count = depth_errors(rendered, samples, labels).count();
     if count == 0 {
         return (0.0, Vec::new());
     }
     let slope = weight / count as f32;
     let mut gradient = vec![0.0; rendered.depth.len()];
     let mut sum = 0.0_f64;
-    for sample in valid() {
-        let pixel = sample.pixel as usize;
-        let error = rendered.depth[pixel] / rendered.alpha[pixel].max(1e-10) - sample.depth;
+    for (pixel, error) in depth_errors(rendered, samples, labels) {
         sum += f64::from(error.abs());
         gradient[pixel] += if error == 0.0 { 0.0 } else { slope.copysign(error) };
     }
     (sum / count as f64, gradient)
+}
+
+/// Pixel and expected depth minus LiDAR depth (metres) of each sample whose pixel is not ignored.
+pub(crate) fn depth_errors(
+    rendered: &Rendered,
+    samples: &[DepthSample],
+    labels: Option<&[PixelLabel]>,
+) -> impl Iterator<Item = (usize, f32)> {
+    let pixels = samples.iter().map(|sample| (sample.pixel as usize, sample.depth));
+    pixels
+        .filter(move |&(pixel, _)| labels.is_none_or(|labels| labels[pixel] != PixelLabel::Ignored))
+        .map(|(pixel, depth)| (pixel, rendered.depth[pixel] / rendered.alpha[pixel].max(1e-10) - depth))
 }
 
 #[cfg(test)]

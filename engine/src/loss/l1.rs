@@ -17,7 +17,7 @@ const LANES: usize = 8;
 /// # Gradient
 /// `weight sign(rendered - truth) / num_values`, 0 where both are equal. A value that is not finite makes the mean not
 /// finite; the gradient stays finite.
-pub fn l1(rendered: &[f32], truth: &[f32], num_values: usize, weight: f32, gradient: &mut [f32]) -> f64 {
+pub(super) fn l1(rendered: &[f32], truth: &[f32], num_values: usize, weight: f32, gradient: &mut [f32]) -> f64 {
     if num_values == 0 {
         gradient.fill(0.0);
         return 0.0;

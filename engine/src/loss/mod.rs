@@ -17,6 +17,7 @@ use crate::{
     render::{ImageGradient, Rendered},
     views::View,
 };
+pub(crate) use depth::depth_errors;
 use ssim::ImagePair;
 pub use velocity::velocity_loss;
 

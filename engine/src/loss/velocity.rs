@@ -1,5 +1,7 @@
 //! Mean speed of the Gaussians: nothing moves unless the images ask for it.
 
+use crate::views::to_f32;
+
 /// `weight` times the mean speed (metres a second), and its gradient by the velocities; no Gaussian gives 0.
 ///
 /// # Shapes
@@ -14,15 +16,10 @@ pub fn velocity_loss(velocities: &[[f32; 3]], weight: f32) -> (f64, Vec<[f32; 3]
     let gradient = velocities.iter().map(|velocity| {
         let speed = velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
         sum += speed;
-        if speed > 0.0 && speed.is_finite() { velocity.map(|v| narrow(scale * f64::from(v) / speed)) } else { [0.0; 3] }
+        if speed > 0.0 && speed.is_finite() { velocity.map(|v| to_f32(scale * f64::from(v) / speed)) } else { [0.0; 3] }
     });
     let gradient = gradient.collect();
     (scale * sum, gradient)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounds a slope of magnitude at most the weight to f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
 }
 
 #[cfg(test)]

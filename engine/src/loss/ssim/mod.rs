@@ -9,7 +9,9 @@
 //! Wang, Bovik, Sheikh, Simoncelli: Image quality assessment, from error visibility to structural similarity (2004),
 //! equation 13.
 
-mod rows;
+mod backward;
+mod forward;
+mod window;
 
 #[cfg(test)]
 mod reference;
@@ -20,7 +22,9 @@ use lgs_formats::image::PixelLabel;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use rows::{CHANNELS, GatherRow, MARGIN, Moments, RowSlopes, RowValues, SLACK, SpreadRow, VerticalMoments, WINDOW};
+use backward::{GatherRow, SpreadRow};
+use forward::{Moments, RowSlopes, RowValues, VerticalMoments};
+use window::{CHANNELS, MARGIN, SLACK, WINDOW};
 
 /// Rows that a thread takes at a time; results do not depend on it.
 const ROWS_PER_TASK: usize = 8;
@@ -90,7 +94,7 @@ fn window_rows(image: &[f32], row: usize, width: usize) -> [&[f32]; WINDOW] {
 /// Similarity at every window centre; `None` for an image smaller than the window.
 pub fn similarity_map(pair: &ImagePair) -> Option<SimilarityMap> {
     let centres = Centres::of(pair)?;
-    let (arch, window, len) = (Arch::new(), rows::window(), centres.width * CHANNELS);
+    let (arch, window, len) = (Arch::new(), window::window(), centres.width * CHANNELS);
     let mut values = vec![0.0; centres.height * len];
     values.par_chunks_mut(len).enumerate().with_min_len(ROWS_PER_TASK).for_each_init(
         || (Moments::new(pair.width * CHANNELS), vec![0.0; len + SLACK]),
@@ -162,7 +166,7 @@ fn spread_slopes(
     centres: &Centres,
     spread: &mut Vec<f32>,
 ) -> Vec<f64> {
-    let (arch, window) = (Arch::new(), rows::window());
+    let (arch, window) = (Arch::new(), window::window());
     let (row_len, len) = (pair.width * CHANNELS, centres.width * CHANNELS);
     let size = centres.height * 3 * row_len;
     if spread.len() < size {
@@ -188,7 +192,7 @@ fn spread_slopes(
             for (slopes, spread) in slopes.iter().zip(out.chunks_exact_mut(row_len)) {
                 arch.dispatch(SpreadRow { window: &window, slopes, spread });
             }
-            *row_sum = arch.dispatch(|| rows::sum(&values[..len]));
+            *row_sum = arch.dispatch(|| window::sum(&values[..len]));
         },
     );
     row_sums
@@ -213,7 +217,7 @@ impl RowScratch {
 
 /// Adds `scale` times the gradient of the sum of all similarities.
 fn gather_gradient(pair: &ImagePair, centres: &Centres, spread: &[f32], scale: f32, gradient: &mut [f32]) {
-    let (arch, window) = (Arch::new(), rows::window());
+    let (arch, window) = (Arch::new(), window::window());
     let row_len = pair.width * CHANNELS;
     gradient.par_chunks_mut(row_len).enumerate().with_min_len(ROWS_PER_TASK).for_each_init(
         || vec![0.0; row_len],

@@ -1,64 +1,13 @@
-//! Row kernels of the structural similarity: eight or sixteen values at a time, chosen when the program runs.
-//!
-//! Rows are `[W, 3]` interleaved, so a step of one pixel is a step of [`CHANNELS`] values and the three channels never
-//! mix. Scratch rows are longer than their content by [`SLACK`], so that whole vectors can be written past its end.
+//! From two images to similarities and their slopes, one row of window centres at a time.
 
 use pulp::{Simd, WithSimd};
 
-/// Side of the window, pixels.
-pub(super) const WINDOW: usize = 11;
-/// Standard deviation of the window, pixels.
-const SIGMA: f32 = 1.5;
+use super::window::{MARGIN, SLACK, WINDOW, covering_starts, horizontal, load, store};
+
 /// Stabiliser of the luminance term, `0.01^2`.
 const C1: f32 = 1e-4;
 /// Stabiliser of the contrast and structure term, `0.03^2`.
 const C2: f32 = 9e-4;
-/// Colour channels.
-pub(super) const CHANNELS: usize = 3;
-/// Values by which a valid row is shorter than its image row.
-pub(super) const MARGIN: usize = (WINDOW - 1) * CHANNELS;
-/// Values beyond a scratch row's content: at least the lanes of the widest vector.
-pub(super) const SLACK: usize = 32;
-
-/// The window's weights along one axis. They sum to 1 beyond f32 precision: what rounding them left over is in the two
-/// outermost, because a sum off by 1e-7 would count as variance in a flat region.
-pub(super) fn window() -> [f32; WINDOW] {
-    let centre = (WINDOW / 2) as f32;
-    let raw: [f32; WINDOW] = std::array::from_fn(|k| (-((k as f32 - centre) / SIGMA).powi(2) / 2.0).exp());
-    let sum: f32 = raw.iter().sum();
-    let mut weights = raw.map(|w| w / sum);
-    let residual = 1.0 - weights.iter().map(|&w| f64::from(w)).sum::<f64>();
-    weights[0] += residual as f32 / 2.0;
-    weights[WINDOW - 1] = weights[0];
-    weights
-}
-
-/// Sum in f64, as eight sums side by side.
-#[inline(always)]
-pub(super) fn sum(values: &[f32]) -> f64 {
-    let mut sums = [0.0_f64; 8];
-    let (whole, rest) = values.as_chunks::<8>();
-    for chunk in whole {
-        sums.iter_mut().zip(chunk).for_each(|(sum, &value)| *sum += f64::from(value));
-    }
-    sums.iter().sum::<f64>() + rest.iter().map(|&value| f64::from(value)).sum::<f64>()
-}
-
-#[inline(always)]
-fn load<S: Simd>(row: &[f32], start: usize) -> S::f32s {
-    S::as_simd_f32s(&row[start..start + S::F32_LANES]).0[0]
-}
-
-#[inline(always)]
-fn store<S: Simd>(row: &mut [f32], start: usize, value: S::f32s) {
-    S::as_mut_simd_f32s(&mut row[start..start + S::F32_LANES]).0[0] = value;
-}
-
-/// Starts of the vectors that cover `len >= LANES` values without passing the end; the last two may overlap.
-#[inline(always)]
-fn covering_starts<S: Simd>(len: usize) -> impl Iterator<Item = usize> {
-    (0..len.div_ceil(S::F32_LANES)).map(move |i| (i * S::F32_LANES).min(len - S::F32_LANES))
-}
 
 /// Window sums of one window row along the columns: [`Moments`] from eleven rows of both images.
 pub(super) struct VerticalMoments<'a> {
@@ -121,12 +70,11 @@ impl WithSimd for VerticalMoments<'_> {
         for start in covering_starts::<S>(self.truth[0].len()) {
             let zero = simd.splat_f32s(0.0);
             let (mut truth, mut difference, mut square, mut energy) = (zero, zero, zero, zero);
-            for k in 0..WINDOW {
-                let a = load::<S>(self.truth[k], start);
-                let b = load::<S>(self.rendered[k], start);
+            for ((&weight, truth_row), rendered_row) in window.iter().zip(self.truth).zip(self.rendered) {
+                let a = load::<S>(truth_row, start);
+                let b = load::<S>(rendered_row, start);
                 let d = simd.sub_f32s(simd.sub_f32s(b, a), shift);
-                let (wa, wb, wd) =
-                    (simd.mul_f32s(window[k], a), simd.mul_f32s(window[k], b), simd.mul_f32s(window[k], d));
+                let (wa, wb, wd) = (simd.mul_f32s(weight, a), simd.mul_f32s(weight, b), simd.mul_f32s(weight, d));
                 truth = simd.add_f32s(truth, wa);
                 difference = simd.add_f32s(difference, wd);
                 square = simd.mul_add_e_f32s(wd, d, square);
@@ -138,16 +86,6 @@ impl WithSimd for VerticalMoments<'_> {
             store::<S>(&mut self.moments.energy, start, energy);
         }
     }
-}
-
-/// Weighted sum of eleven vectors, `start` values into the row and `CHANNELS` apart.
-#[inline(always)]
-fn horizontal<S: Simd>(simd: S, window: &[S::f32s; WINDOW], row: &[f32], start: usize) -> S::f32s {
-    let mut sum = simd.mul_f32s(window[0], load::<S>(row, start));
-    for k in 1..WINDOW {
-        sum = simd.mul_add_e_f32s(window[k], load::<S>(row, start + k * CHANNELS), sum);
-    }
-    sum
 }
 
 /// Similarity at a few window centres, and its slopes by the window sums.
@@ -243,67 +181,6 @@ impl WithSimd for RowSlopes<'_> {
         }
         for slopes in self.slopes {
             slopes[MARGIN + self.len..].fill(0.0);
-        }
-    }
-}
-
-/// The window's transpose along a row: from window centres back to the pixels of the image row.
-pub(super) struct SpreadRow<'a> {
-    /// Weights along the row.
-    pub(super) window: &'a [f32; WINDOW],
-    /// [`MARGIN`] zeros, the slopes, [`MARGIN`] zeros.
-    pub(super) slopes: &'a [f32],
-    /// Result, `[W, 3]`.
-    pub(super) spread: &'a mut [f32],
-}
-
-impl WithSimd for SpreadRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let window = self.window.map(|w| simd.splat_f32s(w));
-        for start in covering_starts::<S>(self.spread.len()) {
-            let sum = horizontal(simd, &window, self.slopes, start);
-            store::<S>(self.spread, start, sum);
-        }
-    }
-}
-
-/// The window's transpose along the columns, and the sum of the three ways in which a rendered value acts.
-pub(super) struct GatherRow<'a> {
-    /// Weights of the rows of `spread`, at most eleven.
-    pub(super) window: &'a [f32],
-    /// Rows of window centres that see this image row, `[rows, 3, 3 W]`: spread slopes by `E[b]`, `E[d^2]`, `E[b^2]`.
-    pub(super) spread: &'a [f32],
-    /// Row of the truth, `[W, 3]`.
-    pub(super) truth: &'a [f32],
-    /// Row of the rendered image, `[W, 3]`.
-    pub(super) rendered: &'a [f32],
-    /// Result, `[W, 3]`: `G^T[by mean] + 2 d G^T[by d^2] + 2 b G^T[by b^2]`.
-    pub(super) gradient: &'a mut [f32],
-}
-
-impl WithSimd for GatherRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let two = simd.splat_f32s(2.0);
-        let len = self.truth.len();
-        for start in covering_starts::<S>(len) {
-            let zero = simd.splat_f32s(0.0);
-            let (mut mean, mut square, mut energy) = (zero, zero, zero);
-            for (rows, &weight) in self.spread.chunks_exact(3 * len).zip(self.window) {
-                let weight = simd.splat_f32s(weight);
-                mean = simd.mul_add_e_f32s(weight, load::<S>(rows, start), mean);
-                square = simd.mul_add_e_f32s(weight, load::<S>(rows, len + start), square);
-                energy = simd.mul_add_e_f32s(weight, load::<S>(rows, 2 * len + start), energy);
-            }
-            let b = load::<S>(self.rendered, start);
-            let d = simd.sub_f32s(b, load::<S>(self.truth, start));
-            let by_squares = simd.mul_add_e_f32s(d, square, simd.mul_f32s(b, energy));
-            store::<S>(self.gradient, start, simd.mul_add_e_f32s(two, by_squares, mean));
         }
     }
 }
