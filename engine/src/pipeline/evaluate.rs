@@ -50,7 +50,7 @@ pub struct RenderedView<'a> {
 /// Those of the figures and of `keep`.
 pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     splats: &[Splat],
-    views: &[View],
+    views: &[&View],
     figures: Figures<'_>,
     watch: &mut Watch<'_>,
     keep: &(dyn Fn(RenderedView<'_>) -> std::result::Result<T, E> + Sync),
@@ -60,7 +60,7 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     let mut kept = Vec::with_capacity(views.len());
     for batch in views.chunks(BATCH) {
         let rendered: Vec<Rendered> = watch.time(Stage::Render, |progress| {
-            let draw = |view: &View| {
+            let draw = |view: &&View| {
                 let rendered = render(splats, &pinhole(view, figures), BEHIND);
                 progress.step(Stage::Render);
                 rendered
@@ -68,7 +68,7 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
             batch.iter().map(draw).collect()
         });
         let measured: Vec<Option<ViewFigures>> = watch.time(Stage::Evaluate, |progress| {
-            let measure = |(view, rendered): (&View, &Rendered)| {
+            let measure = |(view, rendered): (&&View, &Rendered)| {
                 let measured = measure(view, rendered, figures);
                 progress.step(Stage::Evaluate);
                 measured

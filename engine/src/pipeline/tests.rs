@@ -133,7 +133,8 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
     let held = Held::open(place.path());
     let reconstruction = held.reconstruct();
     let splats = to_physical(&reconstruction.scene);
-    let views: Vec<View> = (0..5).flat_map(|_| held.views(Role::Input).unwrap()).collect(); // more than one batch
+    let loaded = held.views(Role::Input).unwrap();
+    let views: Vec<&View> = (0..5).flat_map(|_| &loaded).collect(); // more than one batch
     let mut watch = Watch::new(&Silent);
     let truth = Figures::OfTruth { clip: held.dir.clip(), frame: &held.clip_frame, lpips: None };
     let mut draw = |figures| {

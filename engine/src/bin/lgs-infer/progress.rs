@@ -1,4 +1,4 @@
-//! Progress bars on standard error: one per stage; none when nobody watches a terminal.
+//! Progress bars on standard error: one per running stage; none when nobody watches a terminal.
 
 use std::{sync::Mutex, time::Duration};
 
@@ -28,6 +28,14 @@ impl Bars {
     }
 }
 
+impl Drop for Bars {
+    /// Leaves the terminal as it was, also when a stage failed.
+    fn drop(&mut self) {
+        // a terminal that cannot be written to any more needs no clearing
+        let _ = self.all.clear();
+    }
+}
+
 impl Progress for Bars {
     fn begin(&self, stage: Stage, steps: usize) {
         let bar = self.all.add(ProgressBar::new(steps as u64));
@@ -47,7 +55,7 @@ impl Progress for Bars {
 
     fn end(&self, stage: Stage) {
         if let Some(bar) = self.of(stage) {
-            bar.finish();
+            bar.finish_and_clear();
         }
         if let Ok(mut running) = self.running.lock() {
             running.retain(|(of, _)| *of != stage);

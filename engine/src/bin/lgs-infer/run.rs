@@ -112,7 +112,9 @@ impl<'a> Job<'a> {
         let held_out = self.load(Role::HeldOut, watch)?;
         let seen = if self.args.views == ViewsArg::All { inputs.views() } else { &[] };
         let figures = self.args.at_time.map_or_else(|| self.figures(), Figures::AtTime);
-        let width = report_width(held_out.len() + seen.len());
+        let mut views: Vec<&View> = held_out.iter().chain(seen).collect();
+        views.sort_by_key(|view| view.frame);
+        let width = report_width(views.len());
         let keep = |drawn: RenderedView<'_>| -> Result<(ViewRecord, ViewPictures)> {
             let RenderedView { view, figures: measured, .. } = drawn;
             let measured = measured.cloned().unwrap_or_default();
@@ -120,13 +122,7 @@ impl<'a> Job<'a> {
             let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
             Ok((record, pictures_of(drawn, figures, width)?))
         };
-        let splats = to_physical(scene);
-        let mut drawn = Vec::new();
-        for views in [&held_out, seen] {
-            drawn.extend(evaluate_views(&splats, views, figures, watch, &keep)?);
-        }
-        drawn.sort_by_key(|(record, _)| record.frame);
-        Ok(drawn)
+        evaluate_views(&to_physical(scene), &views, figures, watch, &keep)
     }
 
     fn figures(&self) -> Figures<'_> {
