@@ -1,4 +1,27 @@
 //! Exact differentiable splatting of 3D Gaussians on the CPU.
+//!
+//! Passes, one file each: `project` (f64, one Gaussian), `tiles` (depth order, tile lists), `forward` (compositing), `backward`
+//! (sums over pixels), `project_backward` (chain rule of the projection). A tile is composited by one thread, a vector of pixels of one
+//! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
+//! own for its sums, so results are the same bits for any number of threads.
+//!
+//! # Source
+//! Zwicker et al., EWA splatting, 2001; Kerbl et al., 3D Gaussian splatting, 2023; conventions of gsplat (see `constants`).
+
+pub mod constants;
+
+mod backward;
+mod forward;
+mod lanes;
+mod project;
+mod project_backward;
+mod tiles;
+
+pub mod op;
+
+use crate::gaussians::physical::{Splat, SplatGradient};
+use crate::views::PinholeView;
+use tiles::TileLists;
 
 /// A rendered image.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,4 +56,68 @@ impl Rendered {
     pub fn expected_depth(&self) -> Vec<f32> {
         self.depth.iter().zip(&self.alpha).map(|(d, a)| d / a.max(1e-10)).collect()
     }
+}
+
+/// A rendered image with what its gradient needs.
+#[derive(Debug)]
+pub struct RenderedWithState {
+    /// The images.
+    pub images: Rendered,
+    lists: TileLists,
+    tiles: Vec<f32>,
+    background: [f32; 3],
+}
+
+impl RenderedWithState {
+    /// Bytes that the gradient pass keeps and needs beside the Gaussians and the images.
+    pub fn state_bytes(&self) -> usize {
+        let lists = &self.lists;
+        let indices = lists.first_slot.len() + lists.slots.len() + lists.first_entry.len() + lists.entries.len();
+        4 * (indices + self.tiles.len())
+            + size_of_val(lists.footprints.as_slice())
+            + lists.entries.len() * size_of::<backward::Moments>()
+    }
+
+    /// Number of pairs of a Gaussian and a tile that it can reach.
+    pub fn num_intersections(&self) -> usize {
+        self.lists.entries.len()
+    }
+}
+
+/// The images of the Gaussians at the view's moment, over a background colour.
+///
+/// # Shapes
+/// `splats` `[N]`, clip frame; images `[H, W, ..]` as [`Rendered`] says.
+///
+/// # Formula
+/// `rgb = sum_i w_i c_i + T background`, `w_i = alpha_i T_i`, `T_i = prod_{j<i} (1 - alpha_j)`, `alpha = min(0.999, o exp(-sigma))`,
+/// `sigma = d^T (J W Sigma W^T J^T + 0.3 I)^-1 d / 2`. Gaussians with a parameter that is not finite are not drawn.
+pub fn render(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> Rendered {
+    render_for_gradient(splats, view, background).images
+}
+
+/// As [`render`], with the state that [`backward`] needs.
+pub fn render_for_gradient(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
+    let lists = tiles::bin(splats, view);
+    let tiles = forward::composite(&lists);
+    let images = forward::assemble(&tiles, lists.grid, [view.width, view.height], background);
+    RenderedWithState { images, lists, tiles, background }
+}
+
+/// Gradients of a scalar by the physical values of all Gaussians, from its gradients by the images.
+///
+/// # Shapes
+/// Result `[N]`, in the order of `splats`.
+///
+/// # Gradient
+/// Exact, of the function that [`render`] computes; the depth order and which pixels a Gaussian reaches are constants, the
+/// camera is a constant.
+pub fn backward(
+    splats: &[Splat],
+    view: &PinholeView,
+    state: &RenderedWithState,
+    gradient: &ImageGradient,
+) -> Vec<SplatGradient> {
+    let moments = backward::moments(&state.lists, &state.tiles, &state.images, gradient, state.background);
+    project_backward::gradients(splats, view, &state.lists, &moments)
 }

@@ -45,8 +45,9 @@ pub fn write_mask(path: &Path, width: usize, height: usize, labels: &[PixelLabel
     write_atomic(path, &encode(path, width, height, &bytes, ExtendedColorType::L8)?)
 }
 
+/// The byte of a value in 0..=1: clamped and rounded, 0 for NaN.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=255.5 after the clamp, NaN gives 0")]
-fn to_byte(value: f32) -> u8 {
+pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 

@@ -13,7 +13,7 @@ use crate::{
     error::{FormatError, Result},
 };
 
-pub use encode::{encode_png, write_grey, write_mask, write_png};
+pub use encode::{encode_png, to_byte, write_grey, write_mask, write_png};
 
 /// Largest width or height of an image, pixels.
 pub const MAX_IMAGE_SIDE: u32 = 16384;

@@ -1,0 +1,193 @@
+//! Back-to-front gradients of the compositing, tile by tile.
+//!
+//! # Formula
+//! With `q = c . v_rgb + z v_depth`, weight `w = alpha T` and `S` the sum of `w q` behind (the background included):
+//! `v_alpha = T q - S / (1 - alpha)`. `T` in front of a Gaussian is recovered as `T / (1 - alpha)`, which stays exact enough because
+//! a pixel ends before `T` falls to 1e-4. By the exponent `sigma`: `g = -v_sigma = alpha v_alpha`, 0 where alpha was capped.
+//! A Gaussian keeps ten sums over its pixels (`Moments`), from which `project_backward` takes everything else.
+
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::forward::{PLANES, STOP, TRANSMITTANCE};
+use super::lanes::{Broadcast, RowSpan};
+use super::project::Footprint;
+use super::tiles::TileLists;
+use super::{ImageGradient, Rendered};
+
+/// Sums over pixels: `g`, `g dy`, `g dy^2`, `g u`, `g u dy`, `g u^2`, and `w` times the gradients of red, green, blue, depth.
+pub(super) const MOMENTS: usize = 10;
+/// Sums of one Gaussian over the pixels of one tile.
+pub(super) type Moments = [f32; MOMENTS];
+
+/// Gradients of the four drawn channels, then the sum behind, then the transmittance.
+const STATE_PLANES: usize = 6;
+
+/// Moments of every intersection, in the order of `lists.entries`.
+pub(super) fn moments(
+    lists: &TileLists,
+    tiles: &[f32],
+    images: &Rendered,
+    gradient: &ImageGradient,
+    background: [f32; 3],
+) -> Vec<Moments> {
+    let mut all = vec![[0.0_f32; MOMENTS]; lists.entries.len()];
+    let arch = pulp::Arch::new();
+    let per_tile = split_by_tile(&mut all, &lists.first_entry);
+    per_tile.into_par_iter().enumerate().for_each(|(tile, out)| {
+        if out.is_empty() {
+            return;
+        }
+        let mut state = [0.0_f32; STATE_PLANES * TILE_PIXELS];
+        let planes = &tiles[tile * PLANES * TILE_PIXELS..(tile + 1) * PLANES * TILE_PIXELS];
+        load_state(&mut state, planes, lists.grid.origin(tile), images, gradient, background);
+        let stops = &planes[STOP * TILE_PIXELS..];
+        arch.dispatch(TileMoments { lists, tile, stops, state: &mut state, out });
+    });
+    all
+}
+
+fn split_by_tile<'a>(all: &'a mut [Moments], first_entry: &[u32]) -> Vec<&'a mut [Moments]> {
+    let mut rest = all;
+    first_entry
+        .windows(2)
+        .map(|pair| {
+            let (head, tail) = std::mem::take(&mut rest).split_at_mut((pair[1] - pair[0]) as usize);
+            rest = tail;
+            head
+        })
+        .collect()
+}
+
+/// Fills the tile's planes with the pixel gradients, the sum behind the last Gaussian and the final transmittance.
+fn load_state(
+    state: &mut [f32],
+    planes: &[f32],
+    origin: [usize; 2],
+    images: &Rendered,
+    gradient: &ImageGradient,
+    background: [f32; 3],
+) {
+    let (width, height) = (images.width, images.height);
+    for y in 0..TILE_HEIGHT.min(height - origin[1]) {
+        for x in 0..TILE_WIDTH.min(width - origin[0]) {
+            let (pixel, local) = ((origin[1] + y) * width + origin[0] + x, y * TILE_WIDTH + x);
+            let at = |image: &[f32], i: usize| image.get(i).copied().unwrap_or(0.0);
+            let v_rgb: [f32; 3] = std::array::from_fn(|c| at(&gradient.rgb, pixel * 3 + c));
+            let (mut v_alpha, mut v_depth) = (at(&gradient.alpha, pixel), at(&gradient.depth, pixel));
+            let v_expected = at(&gradient.expected_depth, pixel);
+            if v_expected != 0.0 {
+                let alpha = images.alpha[pixel];
+                v_depth += v_expected / alpha.max(EXPECTED_DEPTH_EPS);
+                if alpha > EXPECTED_DEPTH_EPS {
+                    v_alpha -= v_expected * (images.depth[pixel] / alpha / alpha);
+                }
+            }
+            let t = planes[TRANSMITTANCE * TILE_PIXELS + local].abs();
+            let v_background: f32 = (0..3).map(|c| background[c] * v_rgb[c]).sum();
+            let values = [v_rgb[0], v_rgb[1], v_rgb[2], v_depth, t * (v_background - v_alpha), t];
+            for (plane, value) in values.into_iter().enumerate() {
+                state[plane * TILE_PIXELS + local] = value;
+            }
+        }
+    }
+}
+
+struct TileMoments<'a> {
+    lists: &'a TileLists,
+    tile: usize,
+    stops: &'a [f32],
+    state: &'a mut [f32],
+    out: &'a mut [Moments],
+}
+
+impl WithSimd for TileMoments<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lists, tile, stops, state, out } = self;
+        let origin = lists.grid.origin(tile);
+        let broadcast = Broadcast::new(simd);
+        let state = S::as_mut_simd_f32s(state).0;
+        let stops = S::as_simd_f32s(stops).0;
+        let last = last_position(simd, stops);
+        for (position, &entry) in lists.entries_of(tile).iter().enumerate().rev() {
+            if position as f32 >= last {
+                continue;
+            }
+            let footprint = &lists.footprints[entry as usize];
+            out[position] = unblend(simd, &broadcast, (&mut *state, stops), footprint, &origin, position as f32);
+        }
+    }
+}
+
+/// The position at which the last pixel of the tile ended; infinity when one did not.
+#[inline(always)]
+fn last_position<S: Simd>(simd: S, stops: &[S::f32s]) -> f32 {
+    let largest = stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s));
+    simd.reduce_max_f32s(largest)
+}
+
+/// The moments of one Gaussian over the tile; moves the tile's state in front of it.
+#[inline(always)]
+fn unblend<S: Simd>(
+    simd: S,
+    broadcast: &Broadcast<S>,
+    (state, stops): (&mut [S::f32s], &[S::f32s]),
+    f: &Footprint,
+    origin: &[usize; 2],
+    position: f32,
+) -> Moments {
+    let per_plane = TILE_PIXELS / S::F32_LANES;
+    let per_row = TILE_WIDTH / S::F32_LANES;
+    let colour = f.colour.map(|c| simd.splat_f32s(c));
+    let depth = simd.splat_f32s(f.depth);
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let position = simd.splat_f32s(position);
+    let (v_red, rest) = state.split_at_mut(per_plane);
+    let (v_green, rest) = rest.split_at_mut(per_plane);
+    let (v_blue, rest) = rest.split_at_mut(per_plane);
+    let (v_depth, rest) = rest.split_at_mut(per_plane);
+    let (behind, transmittance) = rest.split_at_mut(per_plane);
+    let mut sums = [zero; MOMENTS];
+    for row in f.rows_in(origin[1]) {
+        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+        let (mut row_g, mut row_gu) = (zero, zero);
+        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+            let i = row * per_row + chunk;
+            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+            let alpha = simd.select_f32s(live, a.alpha, zero);
+            let recip = simd.div_f32s(one, simd.sub_f32s(one, alpha));
+            let t = simd.mul_f32s(transmittance[i], recip);
+            let w = simd.mul_f32s(alpha, t);
+            let (vr, vg, vb, vd) = (v_red[i], v_green[i], v_blue[i], v_depth[i]);
+            let q = simd.mul_add_f32s(colour[0], vr, simd.mul_f32s(colour[1], vg));
+            let q = simd.mul_add_f32s(colour[2], vb, simd.mul_add_f32s(depth, vd, q));
+            let s = behind[i];
+            let v_alpha = simd.sub_f32s(simd.mul_f32s(t, q), simd.mul_f32s(s, recip));
+            behind[i] = simd.mul_add_f32s(w, q, s);
+            transmittance[i] = t;
+            let capped = simd.greater_than_f32s(a.uncapped, broadcast.alpha_max);
+            let g = simd.select_f32s(capped, zero, simd.mul_f32s(alpha, v_alpha));
+            let gu = simd.mul_f32s(g, a.u);
+            row_g = simd.add_f32s(row_g, g);
+            row_gu = simd.add_f32s(row_gu, gu);
+            sums[5] = simd.mul_add_f32s(gu, a.u, sums[5]);
+            sums[6] = simd.mul_add_f32s(w, vr, sums[6]);
+            sums[7] = simd.mul_add_f32s(w, vg, sums[7]);
+            sums[8] = simd.mul_add_f32s(w, vb, sums[8]);
+            sums[9] = simd.mul_add_f32s(w, vd, sums[9]);
+        }
+        let dy = simd.splat_f32s(span.dy);
+        let row_gdy = simd.mul_f32s(row_g, dy);
+        sums[0] = simd.add_f32s(sums[0], row_g);
+        sums[1] = simd.add_f32s(sums[1], row_gdy);
+        sums[2] = simd.mul_add_f32s(row_gdy, dy, sums[2]);
+        sums[3] = simd.add_f32s(sums[3], row_gu);
+        sums[4] = simd.mul_add_f32s(row_gu, dy, sums[4]);
+    }
+    sums.map(|v| simd.reduce_sum_f32s(v))
+}

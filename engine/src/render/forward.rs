@@ -1,0 +1,136 @@
+//! Front-to-back compositing, tile by tile.
+
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::Rendered;
+use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TRANSMITTANCE_MIN};
+use super::lanes::{Broadcast, RowSpan};
+use super::project::Footprint;
+use super::tiles::{TileGrid, TileLists};
+
+/// Red, green, blue, depth, transmittance and the list position that ended each pixel.
+pub(super) const PLANES: usize = 6;
+/// Plane of the transmittance; negative where the pixel ended before its list did.
+pub(super) const TRANSMITTANCE: usize = 4;
+/// Plane of the list position that ended the pixel; infinity where none did.
+pub(super) const STOP: usize = 5;
+/// After so many Gaussians a tile looks whether all its pixels have ended.
+const CHECK_EVERY: usize = 16;
+
+/// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`.
+pub(super) fn composite(lists: &TileLists) -> Vec<f32> {
+    let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
+    let arch = pulp::Arch::new();
+    tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
+        arch.dispatch(CompositeTile { lists, tile, planes });
+    });
+    tiles
+}
+
+struct CompositeTile<'a> {
+    lists: &'a TileLists,
+    tile: usize,
+    planes: &'a mut [f32],
+}
+
+impl WithSimd for CompositeTile<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lists, tile, planes } = self;
+        planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
+        planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
+        let origin = lists.grid.origin(tile);
+        let broadcast = Broadcast::new(simd);
+        let vectors = S::as_mut_simd_f32s(planes).0;
+        for (position, &entry) in lists.entries_of(tile).iter().enumerate() {
+            let footprint = &lists.footprints[entry as usize];
+            blend(simd, &broadcast, vectors, footprint, &origin, position as f32);
+            if position % CHECK_EVERY == CHECK_EVERY - 1 && all_ended(simd, vectors) {
+                break;
+            }
+        }
+    }
+}
+
+/// Blends one Gaussian into a tile.
+#[inline(always)]
+fn blend<S: Simd>(
+    simd: S,
+    broadcast: &Broadcast<S>,
+    planes: &mut [S::f32s],
+    f: &Footprint,
+    origin: &[usize; 2],
+    position: f32,
+) {
+    let per_plane = TILE_PIXELS / S::F32_LANES;
+    let per_row = TILE_WIDTH / S::F32_LANES;
+    let colour = f.colour.map(|c| simd.splat_f32s(c));
+    let depth = simd.splat_f32s(f.depth);
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let threshold = simd.splat_f32s(TRANSMITTANCE_MIN);
+    let position = simd.splat_f32s(position);
+    let (red, rest) = planes.split_at_mut(per_plane);
+    let (green, rest) = rest.split_at_mut(per_plane);
+    let (blue, rest) = rest.split_at_mut(per_plane);
+    let (depths, rest) = rest.split_at_mut(per_plane);
+    let (transmittance, stops) = rest.split_at_mut(per_plane);
+    for row in f.rows_in(origin[1]) {
+        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+            let i = row * per_row + chunk;
+            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+            let t = transmittance[i];
+            let live = simd.and_m32s(a.drawn, simd.greater_than_f32s(t, zero));
+            let next = simd.mul_f32s(t, simd.sub_f32s(one, a.alpha));
+            let ends = simd.less_than_or_equal_f32s(next, threshold);
+            let w = simd.select_f32s(simd.and_m32s(live, simd.not_m32s(ends)), simd.mul_f32s(a.alpha, t), zero);
+            let ends = simd.and_m32s(live, ends);
+            red[i] = simd.mul_add_f32s(w, colour[0], red[i]);
+            green[i] = simd.mul_add_f32s(w, colour[1], green[i]);
+            blue[i] = simd.mul_add_f32s(w, colour[2], blue[i]);
+            depths[i] = simd.mul_add_f32s(w, depth, depths[i]);
+            transmittance[i] = simd.select_f32s(ends, simd.neg_f32s(t), simd.select_f32s(live, next, t));
+            stops[i] = simd.select_f32s(ends, position, stops[i]);
+        }
+    }
+}
+
+#[inline(always)]
+fn all_ended<S: Simd>(simd: S, planes: &[S::f32s]) -> bool {
+    let per_plane = TILE_PIXELS / S::F32_LANES;
+    let transmittance = &planes[TRANSMITTANCE * per_plane..STOP * per_plane];
+    let largest = transmittance.iter().fold(simd.splat_f32s(-1.0), |m, &t| simd.max_f32s(m, t));
+    simd.reduce_max_f32s(largest) < 0.0
+}
+
+/// Copies the tiles into row-major images over the background colour.
+pub(super) fn assemble(tiles: &[f32], grid: TileGrid, size: [usize; 2], background: [f32; 3]) -> Rendered {
+    let [width, height] = size;
+    let mut rgb = vec![0.0_f32; width * height * 3];
+    let mut alpha = vec![0.0_f32; width * height];
+    let mut depth = vec![0.0_f32; width * height];
+    if width > 0 {
+        let rows = rgb.par_chunks_mut(width * 3).zip(alpha.par_chunks_mut(width)).zip(depth.par_chunks_mut(width));
+        rows.enumerate().for_each(|(y, ((rgb, alpha), depth))| {
+            for column in 0..grid.columns {
+                let tile = (y / TILE_HEIGHT) * grid.columns + column;
+                let planes = &tiles[tile * PLANES * TILE_PIXELS..(tile + 1) * PLANES * TILE_PIXELS];
+                let left = column * TILE_WIDTH;
+                let from = (y % TILE_HEIGHT) * TILE_WIDTH;
+                for k in 0..TILE_WIDTH.min(width - left) {
+                    let value = |plane: usize| planes[plane * TILE_PIXELS + from + k];
+                    let t = value(TRANSMITTANCE).abs();
+                    for c in 0..3 {
+                        rgb[(left + k) * 3 + c] = value(c) + t * background[c];
+                    }
+                    alpha[left + k] = 1.0 - t;
+                    depth[left + k] = value(3);
+                }
+            }
+        });
+    }
+    Rendered { width, height, rgb, alpha, depth }
+}

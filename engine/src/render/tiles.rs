@@ -1,0 +1,187 @@
+//! Which Gaussians a tile has to composite, nearest first.
+
+use rayon::prelude::*;
+
+use super::constants::{TILE_HEIGHT, TILE_WIDTH};
+use super::project::{Footprint, Projector};
+use crate::gaussians::physical::Splat;
+use crate::views::PinholeView;
+
+/// Gaussians that one parallel piece of work takes: fixed, so that results do not depend on the number of threads.
+const CHUNK: usize = 4096;
+
+/// The tile grid of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TileGrid {
+    pub(super) columns: usize,
+    pub(super) rows: usize,
+}
+
+/// The visible Gaussians by depth and the list of every tile.
+#[derive(Clone, Debug)]
+pub(super) struct TileLists {
+    pub(super) grid: TileGrid,
+    /// Visible Gaussians, nearest first, ties by index.
+    pub(super) footprints: Vec<Footprint>,
+    /// `[num_visible + 1]`: the intersections of visible Gaussian `v` are `slots[first_slot[v]..first_slot[v + 1]]`.
+    pub(super) first_slot: Vec<u32>,
+    /// Positions in `entries`, by Gaussian and tile.
+    pub(super) slots: Vec<u32>,
+    /// `[num_tiles + 1]`: the list of tile `t` is `entries[first_entry[t]..first_entry[t + 1]]`.
+    pub(super) first_entry: Vec<u32>,
+    /// Indices into `footprints`, by tile and depth.
+    pub(super) entries: Vec<u32>,
+}
+
+impl TileGrid {
+    pub(super) fn of(view: &PinholeView) -> Self {
+        Self { columns: view.width.div_ceil(TILE_WIDTH), rows: view.height.div_ceil(TILE_HEIGHT) }
+    }
+
+    pub(super) fn num_tiles(self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// Pixel (x, y) of the tile's upper left corner.
+    pub(super) fn origin(self, tile: usize) -> [usize; 2] {
+        [tile % self.columns * TILE_WIDTH, tile / self.columns * TILE_HEIGHT]
+    }
+}
+
+impl TileLists {
+    /// Indices into `footprints` of the Gaussians of a tile, nearest first.
+    pub(super) fn entries_of(&self, tile: usize) -> &[u32] {
+        &self.entries[self.first_entry[tile] as usize..self.first_entry[tile + 1] as usize]
+    }
+}
+
+/// Projects, sorts and bins the Gaussians.
+pub(super) fn bin(splats: &[Splat], view: &PinholeView) -> TileLists {
+    let grid = TileGrid::of(view);
+    let footprints = visible_by_depth(splats, view);
+    let (first_slot, tiles) = tiles_of_each(&footprints, view, grid);
+    let (first_entry, slots, entries) = by_tile(&first_slot, tiles, grid);
+    TileLists { grid, footprints, first_slot, slots, first_entry, entries }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 Gaussians")]
+fn visible_by_depth(splats: &[Splat], view: &PinholeView) -> Vec<Footprint> {
+    let projector = Projector::new(view);
+    let visible: Vec<Footprint> = splats
+        .par_iter()
+        .with_min_len(CHUNK)
+        .enumerate()
+        .filter_map(|(i, splat)| projector.footprint(splat, i as u32))
+        .collect();
+    // Depths are positive: their bits order as they do. The index in the low half settles ties.
+    let mut keys: Vec<u64> =
+        visible.iter().enumerate().map(|(i, f)| u64::from(f.depth.to_bits()) << 32 | i as u64).collect();
+    keys.par_sort_unstable();
+    keys.par_iter().map(|&key| visible[(key & 0xffff_ffff) as usize]).collect()
+}
+
+/// Offsets per Gaussian and the tiles that each Gaussian touches.
+fn tiles_of_each(footprints: &[Footprint], view: &PinholeView, grid: TileGrid) -> (Vec<u32>, Vec<u32>) {
+    let pieces: Vec<(Vec<u32>, Vec<u32>)> = footprints
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let mut counts = Vec::with_capacity(chunk.len());
+            let mut tiles = Vec::with_capacity(chunk.len() * 4);
+            for footprint in chunk {
+                let before = tiles.len();
+                push_tiles(footprint, view, grid, &mut tiles);
+                counts.push(index32(tiles.len() - before));
+            }
+            (counts, tiles)
+        })
+        .collect();
+    let total: usize = pieces.iter().map(|(_, tiles)| tiles.len()).sum();
+    let mut first_slot = Vec::with_capacity(footprints.len() + 1);
+    let mut all = Vec::with_capacity(total);
+    let mut next = 0;
+    first_slot.push(0);
+    for (counts, tiles) in pieces {
+        for count in counts {
+            next += count;
+            first_slot.push(next);
+        }
+        all.extend_from_slice(&tiles);
+    }
+    (first_slot, all)
+}
+
+/// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
+fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
+    let Some((y0, y1)) = pixel_span(f.mean_y - f.extent_y, f.mean_y + f.extent_y, view.height) else { return };
+    let (first, last) = (y0 / TILE_HEIGHT, y1 / TILE_HEIGHT);
+    for row in first..=last {
+        let (left, right) = if first == last {
+            (f.mean_x - f.extent_x, f.mean_x + f.extent_x)
+        } else {
+            let top = (row * TILE_HEIGHT) as f32 + 0.5 - f.mean_y;
+            let bottom = top + (TILE_HEIGHT - 1) as f32;
+            let (top, bottom) = (top.max(-f.extent_y), bottom.min(f.extent_y));
+            (f.edge(-f.widest_y, top, bottom, -1.0), f.edge(f.widest_y, top, bottom, 1.0))
+        };
+        if let Some((x0, x1)) = pixel_span(left, right, view.width) {
+            let base = row * grid.columns;
+            tiles.extend((x0 / TILE_WIDTH..=x1 / TILE_WIDTH).map(|column| index32(base + column)));
+        }
+    }
+}
+
+impl Footprint {
+    /// Rows of the tile whose first image row is `top` that the footprint can reach.
+    #[inline(always)]
+    pub(super) fn rows_in(&self, top: usize) -> std::ops::Range<usize> {
+        let y = self.mean_y - top as f32;
+        match pixel_span(y - self.extent_y, y + self.extent_y, TILE_HEIGHT) {
+            Some((first, last)) => first..last + 1,
+            None => 0..0,
+        }
+    }
+
+    /// The outermost x of the ellipse between the heights `top` and `bottom`, to the right (`side` 1) or left (-1).
+    fn edge(&self, widest: f32, top: f32, bottom: f32, side: f32) -> f32 {
+        let dy = widest.max(top).min(bottom);
+        let half = self.half_width(dy);
+        // Rounding may not lose a pixel.
+        self.mean_x + self.shear * dy + side * (half + 1e-3 + 1e-5 * self.extent_x)
+    }
+}
+
+/// First and last index of the pixels whose centres lie in `low..=high`; `None` when there is none inside the image.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image before the cast")]
+pub(super) fn pixel_span(low: f32, high: f32, size: usize) -> Option<(usize, usize)> {
+    let first = (low - 0.5).ceil().max(0.0);
+    let last = (high - 0.5).floor().min(size as f32 - 1.0);
+    (first <= last).then_some((first as usize, last as usize))
+}
+
+/// Stable counting sort of the intersections by tile.
+fn by_tile(first_slot: &[u32], tiles: Vec<u32>, grid: TileGrid) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
+    let mut first_entry = vec![0_u32; grid.num_tiles() + 1];
+    for &tile in &tiles {
+        first_entry[tile as usize + 1] += 1;
+    }
+    for t in 0..grid.num_tiles() {
+        first_entry[t + 1] += first_entry[t];
+    }
+    let mut next = first_entry.clone();
+    let mut entries = vec![0_u32; tiles.len()];
+    let mut slots = tiles;
+    for (visible, pair) in first_slot.windows(2).enumerate() {
+        for slot in &mut slots[pair[0] as usize..pair[1] as usize] {
+            let place = &mut next[*slot as usize];
+            entries[*place as usize] = index32(visible);
+            *slot = *place;
+            *place += 1;
+        }
+    }
+    (first_entry, slots, entries)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "counts of tiles, Gaussians and intersections stay below 2^32")]
+fn index32(value: usize) -> u32 {
+    value as u32
+}
