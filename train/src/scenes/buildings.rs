@@ -48,7 +48,8 @@ pub(crate) fn house(street: &StreetSpec, width: f64, dice: &mut Dice, palette: &
     let depth = dice.uniform(9.0, 13.0);
     let seed = dice.bits();
     let (trim, accent) = (facade.trim, facade.accent);
-    let (bay, ground, floor) = (f64::from(facade.bay_width), f64::from(facade.ground_height), f64::from(facade.floor_height));
+    let (bay, ground, floor) =
+        (f64::from(facade.bay_width), f64::from(facade.ground_height), f64::from(facade.floor_height));
     let shop = facade.shop;
     let walls = palette.add(Material::Facade(Box::new(facade)));
     let stone = palette.add(Material::Paint { colour: trim * 0.8, grain: 0.2, frequency: 3.0 });
@@ -64,7 +65,9 @@ pub(crate) fn house(street: &StreetSpec, width: f64, dice: &mut Dice, palette: &
         let tiles = palette.add(Material::Tiles { colour: colour(r, g, b) });
         let taper = Taper { front: 3.2, rear: 3.2, sides: if dice.chance(0.5) { 0.05 } else { 1.4 } };
         let size = narrow3(DVec3::new(depth + 0.3, width, rise));
-        parts.push(Part::new(Shape::tapered(size, taper), back(0.1) + DVec3::Z * (height + 0.5 * rise), tiles).seeded(seed));
+        parts.push(
+            Part::new(Shape::tapered(size, taper), back(0.1) + DVec3::Z * (height + 0.5 * rise), tiles).seeded(seed),
+        );
         let chimney = DVec3::new(-0.35 * depth, dice.uniform(-0.3, 0.3) * width, height + rise);
         parts.push(block(DVec3::new(0.7, 0.9, 2.0), chimney, walls));
     }

@@ -13,8 +13,15 @@ const LEAF_SIZE: usize = 3;
 /// Candidate cuts per axis.
 const NUM_BINS: usize = 12;
 
-/// Pending nodes of a traversal: at most one a level. Below level `STACK / 4` every cut halves, so no tree gets there.
-const STACK: usize = 64;
+/// Levels of the binary tree that may be cut unevenly; below them every cut halves.
+const MAX_UNEVEN: usize = 16;
+
+/// Pending nodes of a traversal: at most `WIDTH - 1` a level of the wide tree. Uneven levels and 32 halvings give at most
+/// 48 binary levels; a wide node takes at least one.
+const STACK: usize = 160;
+
+/// Children of a node.
+const WIDTH: usize = 4;
 
 /// Primitives in an order in which neighbours stand together, and the tree over them.
 #[derive(Clone, Debug, Default)]
@@ -23,13 +30,29 @@ pub(crate) struct Bvh {
     primitives: Vec<Primitive>,
 }
 
-/// Bounds with either a range of primitives (`count > 0`) or two children (`first`, `first + 1`).
+/// The bounds of up to [`WIDTH`] children, tested together. A lane without a child has bounds that no ray enters.
 #[derive(Clone, Copy, Debug)]
 struct Node {
+    /// `[low, high][axis][child]`.
+    bounds: [[[f32; WIDTH]; 3]; 2],
+    children: [Child; WIDTH],
+}
+
+/// A range of primitives (`count > 0`) or a node.
+#[derive(Clone, Copy, Debug, Default)]
+struct Child {
+    first: usize,
+    count: usize,
+}
+
+/// A node of the binary tree that the builder makes first: a range of items, cut in two unless it is a leaf.
+struct Cut {
     low: Vec3,
     high: Vec3,
     first: usize,
     count: usize,
+    /// The left part; the right one follows it.
+    left: Option<usize>,
 }
 
 /// The first primitive that a ray meets.
@@ -59,23 +82,9 @@ impl Bvh {
                 Item { low, high, primitive }
             })
             .collect();
-        let mut nodes = vec![Node { low: Vec3::ZERO, high: Vec3::ZERO, first: 0, count: items.len() }];
-        let mut pending = vec![(0_usize, 0_usize)];
-        while let Some((index, depth)) = pending.pop() {
-            let Node { first, count, .. } = nodes[index];
-            let range = &mut items[first..first + count];
-            (nodes[index].low, nodes[index].high) = bounds(range);
-            if count <= LEAF_SIZE {
-                continue;
-            }
-            let cut = if depth < STACK / 4 { partition(range) } else { halve(range) };
-            let left = nodes.len();
-            nodes.push(Node { first, count: cut, ..nodes[index] });
-            nodes.push(Node { first: first + cut, count: count - cut, ..nodes[index] });
-            nodes[index] = Node { first: left, count: 0, ..nodes[index] };
-            pending.push((left, depth + 1));
-            pending.push((left + 1, depth + 1));
-        }
+        let cuts = cut(&mut items);
+        let mut nodes = Vec::new();
+        widen(&cuts, 0, &mut nodes);
         Self { nodes, primitives: items.into_iter().map(|item| item.primitive).collect() }
     }
 
@@ -106,48 +115,120 @@ impl Bvh {
         })
     }
 
-    /// Whether `act` returned true for a primitive whose node the ray crosses nearer than `limit`; nearer children
+    /// Whether `act` returned true for a primitive whose bounds the ray crosses nearer than `limit`; nearer children
     /// come first.
     fn visit(&self, ray: &Ray, t_min: f32, limit: &mut f32, mut act: impl FnMut(usize, &mut f32) -> bool) -> bool {
         if self.nodes.is_empty() {
             return false;
         }
-        let inverse = ray.inverse_direction();
-        let enter = |node: &Node, limit: f32| -> f32 {
-            let (a, b) = ((node.low - ray.origin) * inverse, (node.high - ray.origin) * inverse);
-            let (near, far) = (a.min(b).max_element().max(t_min), a.max(b).min_element().min(limit));
-            if near <= far { near } else { f32::INFINITY }
-        };
-        let mut stack = [(0_usize, 0.0_f32); STACK];
-        stack[0] = (0, enter(&self.nodes[0], *limit));
+        let inverse = ray.inverse_direction().to_array();
+        let origin = ray.origin.to_array();
+        let mut stack = [(Child::default(), 0.0_f32); STACK];
         let mut len = 1;
         while len > 0 {
             len -= 1;
-            let (index, near) = stack[len];
+            let (child, near) = stack[len];
             if near >= *limit {
                 continue;
             }
-            let node = &self.nodes[index];
-            if node.count > 0 {
-                for k in node.first..node.first + node.count {
+            if child.count > 0 {
+                for k in child.first..child.first + child.count {
                     if act(k, limit) {
                         return true;
                     }
                 }
                 continue;
             }
-            let left = (node.first, enter(&self.nodes[node.first], *limit));
-            let right = (node.first + 1, enter(&self.nodes[node.first + 1], *limit));
-            let [far, near] = if left.1 <= right.1 { [right, left] } else { [left, right] };
-            for child in [far, near] {
-                if child.1 < *limit {
-                    stack[len] = child;
+            let node = &self.nodes[child.first];
+            let entries = node.entries(origin, inverse, t_min, *limit);
+            let base = len;
+            for (&child, &near) in node.children.iter().zip(&entries) {
+                if near < *limit {
+                    // Sorted from far to near, so that the nearest is taken next.
+                    let mut slot = len;
+                    while slot > base && stack[slot - 1].1 < near {
+                        stack[slot] = stack[slot - 1];
+                        slot -= 1;
+                    }
+                    stack[slot] = (child, near);
                     len += 1;
                 }
             }
         }
         false
     }
+}
+
+impl Node {
+    /// Where a ray enters each child; infinite where it does not between `t_min` and `limit`.
+    #[inline]
+    fn entries(&self, origin: [f32; 3], inverse: [f32; 3], t_min: f32, limit: f32) -> [f32; WIDTH] {
+        let (mut near, mut far) = ([t_min; WIDTH], [limit; WIDTH]);
+        for axis in 0..3 {
+            let backward = usize::from(inverse[axis] < 0.0);
+            let (low, high) = (&self.bounds[backward][axis], &self.bounds[1 - backward][axis]);
+            for lane in 0..WIDTH {
+                let enter = (low[lane] - origin[axis]) * inverse[axis];
+                let leave = (high[lane] - origin[axis]) * inverse[axis];
+                near[lane] = if enter > near[lane] { enter } else { near[lane] };
+                far[lane] = if leave < far[lane] { leave } else { far[lane] };
+            }
+        }
+        std::array::from_fn(|lane| if near[lane] <= far[lane] { near[lane] } else { f32::INFINITY })
+    }
+}
+
+/// The binary tree over the items, which it reorders; the root comes first.
+fn cut(items: &mut [Item]) -> Vec<Cut> {
+    let whole = |first, count| Cut { low: Vec3::ZERO, high: Vec3::ZERO, first, count, left: None };
+    let mut cuts = vec![whole(0, items.len())];
+    let mut pending = vec![(0_usize, 0_usize)];
+    while let Some((index, depth)) = pending.pop() {
+        let (first, count) = (cuts[index].first, cuts[index].count);
+        let range = &mut items[first..first + count];
+        (cuts[index].low, cuts[index].high) = bounds(range);
+        if count <= LEAF_SIZE {
+            continue;
+        }
+        let num_left = if depth < MAX_UNEVEN { partition(range) } else { halve(range) };
+        let left = cuts.len();
+        cuts.push(whole(first, num_left));
+        cuts.push(whole(first + num_left, count - num_left));
+        cuts[index].left = Some(left);
+        pending.push((left, depth + 1));
+        pending.push((left + 1, depth + 1));
+    }
+    cuts
+}
+
+/// The place in `nodes` of the wide node made of the part `root` of the binary tree.
+fn widen(cuts: &[Cut], root: usize, nodes: &mut Vec<Node>) -> usize {
+    let mut parts = vec![root];
+    while parts.len() < WIDTH {
+        let inner = parts.iter().enumerate().filter_map(|(k, &p)| Some((k, cuts[p].left?)));
+        let size = |&(k, _): &(usize, usize)| area((cuts[parts[k]].low, cuts[parts[k]].high));
+        let Some((k, left)) = inner.max_by(|a, b| size(a).total_cmp(&size(b))) else { break };
+        parts[k] = left;
+        parts.push(left + 1);
+    }
+    let index = nodes.len();
+    nodes.push(Node {
+        bounds: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]],
+        children: [Child::default(); WIDTH],
+    });
+    for (lane, &part) in parts.iter().enumerate() {
+        let cut = &cuts[part];
+        let child = match cut.left {
+            Some(_) => Child { first: widen(cuts, part, nodes), count: 0 },
+            None => Child { first: cut.first, count: cut.count },
+        };
+        nodes[index].children[lane] = child;
+        for axis in 0..3 {
+            nodes[index].bounds[0][axis][lane] = cut.low[axis];
+            nodes[index].bounds[1][axis][lane] = cut.high[axis];
+        }
+    }
+    index
 }
 
 fn bounds(items: &[Item]) -> (Vec3, Vec3) {

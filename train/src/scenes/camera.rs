@@ -1,8 +1,8 @@
 //! Images of a moment: colours, exact depth, velocity and labels of every pixel.
 //!
-//! One ray through each pixel's centre decides depth, velocity and label. Colours inside a surface are the mean of 2 x 2
-//! texture samples on its tangent plane; where a pixel differs from a neighbour in surface or shadow, they are the mean
-//! of a grid of rays.
+//! One ray through each pixel's centre decides depth, velocity and label. Colours inside a surface are the mean of
+//! [`SAMPLES`] of its texture on the tangent plane; where a pixel differs from a neighbour in surface or shadow, each
+//! sample is a ray of its own.
 
 use glam::{Mat3, Vec3};
 use lgs_formats::{
@@ -20,11 +20,11 @@ use super::{
     world::{Hit, Moment, Target},
 };
 
-/// Rays along each side of a pixel at edges.
-const EDGE_RAYS: usize = 3;
+/// Samples of a pixel, as offsets from its corner: no two share a row or a column, which suits upright edges.
+const SAMPLES: [(f32, f32); 4] = [(0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875)];
 
-/// Texture samples along each side of a pixel inside surfaces.
-const TEXTURE_SAMPLES: usize = 2;
+/// Width of a sample in pixels.
+const SAMPLE_WIDTH: f32 = 0.5;
 
 /// Depth up to which surfaces are drawn (metres).
 const FAR: f32 = 2000.0;
@@ -143,13 +143,13 @@ fn is_edge(probes: &[Probe], width: usize, x: usize, y: usize) -> bool {
     rows.any(|j| xs.clone().any(|i| probes[j * width + i].key() != key))
 }
 
-/// Radiance of a pixel at an edge: the mean over a grid of rays.
+/// Radiance of a pixel at an edge: the mean over rays.
 fn supersampled(moment: &Moment, plane: &ImagePlane, x: usize, y: usize) -> Vec3 {
     let mut sum = Vec3::ZERO;
-    for (dx, dy) in grid(EDGE_RAYS) {
+    let spread = SAMPLE_WIDTH / plane.focal;
+    for (dx, dy) in SAMPLES {
         let ray = plane.ray(x as f32 + dx, y as f32 + dy);
         let probe = probe(moment, &ray);
-        let spread = 1.0 / (plane.focal * EDGE_RAYS as f32);
         sum += compress(match probe.hit {
             None => moment.world.light.sky(ray.direction.normalize(), spread),
             Some(hit) => {
@@ -158,7 +158,7 @@ fn supersampled(moment: &Moment, plane: &ImagePlane, x: usize, y: usize) -> Vec3
             }
         });
     }
-    expand(sum / (EDGE_RAYS * EDGE_RAYS) as f32)
+    expand(sum / SAMPLES.len() as f32)
 }
 
 /// Bounds what one sample at an edge may weigh, so that edges against bright sky do not look ragged.
@@ -173,28 +173,17 @@ fn expand(compressed: Vec3) -> Vec3 {
 /// Radiance of a pixel inside a surface: the mean over texture samples on the tangent plane.
 fn textured(moment: &Moment, plane: &ImagePlane, probe: &Probe, x: usize, y: usize) -> Vec3 {
     let ray = plane.ray(x as f32 + 0.5, y as f32 + 0.5);
-    let spread = 1.0 / (plane.focal * TEXTURE_SAMPLES as f32);
+    let spread = SAMPLE_WIDTH / plane.focal;
     let Some(hit) = probe.hit else { return moment.world.light.sky(ray.direction.normalize(), 2.0 * spread) };
     let point = ray.at(hit.t);
     let reach = (point - ray.origin).dot(hit.normal);
-    let points = grid(TEXTURE_SAMPLES).map(|(dx, dy)| {
+    let points = SAMPLES.map(|(dx, dy)| {
         let ray = plane.ray(x as f32 + dx, y as f32 + dy);
         let t = reach / ray.direction.dot(hit.normal);
         // A tangent plane seen from its edge leads nowhere near the pixel.
         if (0.5 * hit.t..2.0 * hit.t).contains(&t) { ray.at(t) } else { point }
     });
-    let points: [Vec3; TEXTURE_SAMPLES * TEXTURE_SAMPLES] = collect(points);
     Viewed::new(&ray, &hit, spread).radiance(moment, &hit, probe.lit, &points)
-}
-
-fn collect<const N: usize>(mut points: impl Iterator<Item = Vec3>) -> [Vec3; N] {
-    std::array::from_fn(|_| points.next().unwrap_or_default())
-}
-
-/// Offsets in 0..1 of an `n` x `n` grid.
-fn grid(n: usize) -> impl Iterator<Item = (f32, f32)> {
-    let step = 1.0 / n as f32;
-    (0..n * n).map(move |k| (((k % n) as f32 + 0.5) * step, ((k / n) as f32 + 0.5) * step))
 }
 
 /// A surface as seen along a ray.

@@ -83,7 +83,7 @@ fn front(base: Texel, p: &FacePoint, at: &Surface) -> Texel {
 fn rear(base: Texel, p: &FacePoint, at: &Surface) -> Texel {
     let (x, y) = (p.u / p.width - 0.5, p.v / p.height);
     let wn = at.footprint / p.height;
-    let lamps = pulse(x.abs(), 0.33, 0.49, wn) * pulse(y, 0.52, 0.85, wn);
+    let lamps = pulse(x.abs(), 0.35, 0.48, wn) * pulse(y, 0.58, 0.8, wn);
     let bumper = pulse(y, 0.0, 0.2, wn);
     base.under(Texel::opaque(Vec3::splat(0.02)), bumper)
         .under(Texel::opaque(colour(0.78, 0.08, 0.06)), lamps)
@@ -130,8 +130,7 @@ pub(crate) fn cargo(paint: Vec3, band: Vec3, at: &Surface) -> Texel {
     let emblem = octaves(p.u, p.v, 1.4, 2, w, at.seed ^ 0x77) > 0.12;
     let lettered = if emblem { pulse(y, 0.45, 0.8, wn) * pulse(p.u, 0.15 * p.width, 0.8 * p.width, w) } else { 0.0 };
     let ribs = 0.3 * stripes(p.u, 0.6, 0.04, w);
-    base.under(Texel::opaque(band), pulse(y, 0.2, 0.34, wn).max(0.8 * lettered))
-        .under(Texel::opaque(paint * 0.4), ribs)
+    base.under(Texel::opaque(band), pulse(y, 0.2, 0.34, wn).max(0.8 * lettered)).under(Texel::opaque(paint * 0.4), ribs)
 }
 
 /// A wheel: tyre, rim, spokes.
@@ -143,7 +142,8 @@ pub(crate) fn wheel(at: &Surface) -> Texel {
     let radius = (p.x * p.x + p.y * p.y).sqrt();
     let rim = pulse(radius, -1.0, 0.68 * at.half.x, w);
     let hub = pulse(radius, -1.0, 0.16 * at.half.x, w);
-    let spokes = smoothstep(-0.1, 0.2, (p.x * p.y * (p.x * p.x - p.y * p.y)) / (radius * radius * radius * radius + 1e-6));
+    let spokes =
+        smoothstep(-0.1, 0.2, (p.x * p.y * (p.x * p.x - p.y * p.y)) / (radius * radius * radius * radius + 1e-6));
     let metal = Vec3::splat(mix(0.07, 0.42, spokes.max(hub)));
     Texel { openness: 0.8, ..Texel::opaque(Vec3::splat(0.022).lerp(metal, rim)) }
 }

@@ -114,6 +114,8 @@ pub struct SceneConfig {
     pub num_frames: usize,
     /// Time between two timestamps, seconds, 0.01..=2; a clip lasts 20 s at most.
     pub frame_interval_s: f64,
+    /// Distance from the LiDAR up to which tracked things get boxes, metres, 0..=500.
+    pub box_reach_m: f64,
     /// The sensors.
     pub rig: Rig,
     /// The street.
@@ -140,6 +142,7 @@ impl SceneConfig {
         check("num_frames", self.num_frames as f64, Range(1.0, 1000.0))?;
         check("frame_interval_s", self.frame_interval_s, Range(0.01, 2.0))?;
         check("duration_s", self.frame_time(self.num_frames), Range(0.0, 20.0))?;
+        check("box_reach_m", self.box_reach_m, Range(0.0, 500.0))?;
         self.rig.validate()?;
         let street = &self.street;
         check("street.curvature", street.curvature, Range(-0.008, 0.008))?;

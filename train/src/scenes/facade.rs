@@ -134,8 +134,12 @@ impl Facade {
         let inner = ((low.0 + FRAME, low.1 + FRAME), (high.0 - FRAME, high.1 - FRAME));
         let pane = rectangle(place, inner.0, inner.1, w);
         let middle = 0.5 * (low.0 + high.0);
-        let bar = pulse(bay.x, middle - 0.5 * FRAME, middle + 0.5 * FRAME, w)
-            .max(pulse(bay.y, mix(low.1, high.1, 0.66) - 0.03, mix(low.1, high.1, 0.66) + 0.03, w));
+        let bar = pulse(bay.x, middle - 0.5 * FRAME, middle + 0.5 * FRAME, w).max(pulse(
+            bay.y,
+            mix(low.1, high.1, 0.66) - 0.03,
+            mix(low.1, high.1, 0.66) + 0.03,
+            w,
+        ));
         let glass = self.pane(bay, (bay.x - low.0) / size.0, (bay.y - low.1) / size.1, at);
         base.under(Texel::opaque(self.trim * 0.85), ledge.max(0.8 * lintel))
             .under(Texel { openness: 0.7, ..Texel::opaque(self.trim) }, frame)

@@ -101,14 +101,19 @@ impl Furniture {
     pub(crate) fn small(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
         match dice.index(5) {
             0 => {
-                let green = palette.add(Material::Paint { colour: colour(0.14, 0.36, 0.25), grain: 0.3, frequency: 4.0 });
+                let green =
+                    palette.add(Material::Paint { colour: colour(0.14, 0.36, 0.25), grain: 0.3, frequency: 4.0 });
                 let taper = Taper { front: 0.05, rear: 0.05, sides: 0.04 };
                 let shape = Shape::tapered(Vec3::new(0.52, 0.48, 1.0), taper);
-                vec![Part::new(shape, DVec3::Z * 0.5, green), block(DVec3::new(0.66, 0.6, 0.08), DVec3::Z * 1.04, self.dark)]
+                vec![
+                    Part::new(shape, DVec3::Z * 0.5, green),
+                    block(DVec3::new(0.66, 0.6, 0.08), DVec3::Z * 1.04, self.dark),
+                ]
             }
             1 => vec![pole(DVec3::ZERO, 0.95, 0.08, self.metal)],
             2 => {
-                let grey = palette.add(Material::Paint { colour: colour(0.62, 0.64, 0.6), grain: 0.35, frequency: 3.0 });
+                let grey =
+                    palette.add(Material::Paint { colour: colour(0.62, 0.64, 0.6), grain: 0.35, frequency: 3.0 });
                 vec![block(DVec3::new(0.4, 0.9, 1.2), DVec3::Z * 0.6, grey)]
             }
             3 => {

@@ -90,8 +90,8 @@ impl Ground {
         let (s, d) = (at.x, at.y);
         let scaled = at / self.texture_scale;
         let patch = octaves(scaled.x * 0.35, scaled.y, 0.5, 3, w, self.seed);
-        let grit = octaves(scaled.x, scaled.y, 5.0, 4, w, self.seed ^ 1);
-        let mut albedo = self.asphalt * (1.0 + 0.22 * patch + 0.34 * grit);
+        let grit = octaves(scaled.x, scaled.y, 4.0, 5, w, self.seed ^ 1);
+        let mut albedo = self.asphalt * (1.0 + 0.22 * patch + 0.5 * grit);
         // Two dark tracks in each lane, where wheels run.
         let lane = narrow(self.road.lane_width);
         let in_lane = (d / lane).rem_euclid(1.0) * lane - 0.5 * lane;
@@ -106,7 +106,7 @@ impl Ground {
             albedo = albedo.lerp(self.asphalt * 0.68 * (1.0 + 0.3 * grit), 0.85 * inside);
         }
         let vein = octaves(scaled.x, scaled.y, 0.45, 3, w, self.seed ^ 3).abs();
-        albedo *= 1.0 - 0.45 * smoothstep(0.035, 0.0, vein) * survives(6.0, w);
+        albedo *= 1.0 - 0.4 * smoothstep(0.022, 0.0, vein) * smoothstep(0.0, 0.25, patch) * survives(9.0, w);
         let kerb = narrow(self.road.kerb_offset());
         let gutter = smoothstep(kerb - 0.5, kerb, d.abs());
         albedo = albedo.lerp(self.asphalt * 0.75, gutter);
@@ -132,7 +132,8 @@ impl Ground {
         let dash = stripes(s + 1.5, 7.5, 3.0, w);
         let mut paint = dash * pulse(d, -0.07, 0.07, w);
         for k in 1..self.road.num_lanes {
-            paint = paint.max(stripes(s, 9.0, 3.0, w) * pulse(d.abs(), k as f32 * lane - 0.06, k as f32 * lane + 0.06, w));
+            paint =
+                paint.max(stripes(s, 9.0, 3.0, w) * pulse(d.abs(), k as f32 * lane - 0.06, k as f32 * lane + 0.06, w));
         }
         let edge = lane * self.road.num_lanes as f32;
         if self.road.parking_width > 0.0 {

@@ -81,8 +81,7 @@ impl Layout {
             s += dice.uniform(45.0, 100.0);
         }
         let ground = ground(config, road, &crossings, &mut dice);
-        let mut builder =
-            Builder { config, road, palette: Palette::default(), statics: Vec::new(), crossings };
+        let mut builder = Builder { config, road, palette: Palette::default(), statics: Vec::new(), crossings };
         builder.houses();
         builder.backdrop();
         builder.trees();

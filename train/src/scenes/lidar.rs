@@ -1,6 +1,6 @@
 //! Sweeps of the spinning LiDAR at a moment.
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use lgs_formats::{pose::Pose, sweep::Sweep};
 use rayon::prelude::*;
 
@@ -83,7 +83,8 @@ impl Scanner<'_> {
                 let noise = narrow(dice.normal() * spec.range_noise_m);
                 let luck = dice.uniform32(0.0, 1.0);
                 let ray = Ray { origin, direction: world_from_lidar * local };
-                self.returned(moment, &ray, local, noise, luck).map(|hit| Return { velocity: turn * hit.velocity, ..hit })
+                self.returned(moment, &ray, local, noise, luck)
+                    .map(|hit| Return { velocity: turn * hit.velocity, ..hit })
             })
             .collect()
     }
@@ -116,7 +117,6 @@ impl Scanner<'_> {
 /// The points in camera coordinates: x right, y down, z forward.
 #[cfg(test)]
 pub(crate) fn in_camera(points: &[[f32; 3]], camera_from_lidar: &Pose) -> Vec<Vec3> {
-    let (rotation, shift): (Mat3, Vec3) =
-        (narrow_mat(camera_from_lidar.rotation()), narrow3(camera_from_lidar.translation()));
+    let (rotation, shift) = (narrow_mat(camera_from_lidar.rotation()), narrow3(camera_from_lidar.translation()));
     points.iter().map(|&p| rotation * Vec3::from_array(p) + shift).collect()
 }

@@ -45,7 +45,9 @@ pub(crate) fn narrow_mat(m: DMat3) -> Mat3 {
 /// The index of the unit cell that holds `value`: its floor, saturating.
 #[expect(clippy::cast_possible_truncation, reason = "`as` saturates, and cells beyond i32 are not told apart")]
 pub(crate) fn cell(value: f32) -> i32 {
-    value.floor() as i32
+    // `f32::floor` is a function call where the baseline instruction set has no rounding.
+    let truncated = value as i32;
+    truncated.saturating_sub(i32::from(truncated as f32 > value))
 }
 
 /// `value` without its fraction as a count; zero for what is negative.
@@ -92,6 +94,14 @@ mod tests {
         assert!((rotation_z(quarter) * DVec3::X - DVec3::Y).length() < 1e-12);
         assert!((rotation_y(quarter) * DVec3::X + DVec3::Z).length() < 1e-12);
         assert!((rotation_x(quarter) * DVec3::Y - DVec3::Z).length() < 1e-12);
+    }
+
+    #[test]
+    fn cells_are_floors() {
+        for value in [-2.0_f32, -1.5, -0.1, -0.0, 0.0, 0.9, 1.0, 7.25, -1e6] {
+            assert_eq!(f64::from(cell(value)), f64::from(value).floor());
+        }
+        assert_eq!((cell(1e20), cell(-1e20), cell(f32::NAN)), (i32::MAX, i32::MIN, 0));
     }
 
     #[test]

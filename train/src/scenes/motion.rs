@@ -101,7 +101,8 @@ mod tests {
     #[test]
     fn velocities_are_the_derivatives_of_positions() {
         let road = road::tests::example(1.0 / 150.0);
-        let motion = Motion { s: 12.0, d: 1.7, speed: -9.0, acceleration: 1.5, heading: std::f64::consts::PI, height: 0.0 };
+        let motion =
+            Motion { s: 12.0, d: 1.7, speed: -9.0, acceleration: 1.5, heading: std::f64::consts::PI, height: 0.0 };
         let (time, step) = (0.4, 1e-5);
         let corner = DVec3::new(2.2, -0.9, 1.0);
         let now = motion.at(&road, time);

@@ -15,6 +15,7 @@ pub fn varied(seed: u64) -> SceneConfig {
         seed,
         num_frames: dice.between(4, 8),
         frame_interval_s: if dice.chance(0.6) { 0.1 } else { dice.uniform(0.05, 0.25) },
+        box_reach_m: 80.0,
         rig: rig(&mut dice),
         street: street(&mut dice),
         traffic: traffic(&mut dice),
@@ -112,13 +113,14 @@ pub fn street_clip(seed: u64) -> SceneConfig {
         seed,
         num_frames: 5,
         frame_interval_s: 0.1,
+        box_reach_m: 40.0,
         rig: Rig {
             cameras: vec![camera(0, 0.0, 0.005), camera(1, 48.0, -0.005)],
             lidar: LidarSpec {
                 elevation_deg: [-20.0, 14.0],
-                azimuth_deg: [88.0, -40.0],
+                azimuth_deg: [81.0, -33.0],
                 range_m: [1.5, 80.0],
-                ..LidarSpec::spinning(36, 180)
+                ..LidarSpec::spinning(34, 150)
             },
         },
         street: StreetSpec {
@@ -134,11 +136,11 @@ pub fn street_clip(seed: u64) -> SceneConfig {
         },
         traffic: TrafficSpec { ego_speed: 7.0, num_cars: 3, speeds: [6.0, 10.0], num_people: 2, parked: 0.6 },
         light: LightSpec {
-            sun_azimuth_deg: -125.0,
-            sun_elevation_deg: 48.0,
-            overcast: 0.15,
+            sun_azimuth_deg: -152.0,
+            sun_elevation_deg: 46.0,
+            overcast: 0.05,
             clouds: 0.55,
-            haze_m: 900.0,
+            haze_m: 1500.0,
         },
         origin: Origin { position: [0.0; 3], heading_deg: 0.0, time_s: 0.0 },
     }

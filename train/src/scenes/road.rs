@@ -80,14 +80,7 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) fn example(curvature: f64) -> Road {
-        Road {
-            curvature,
-            lane_width: 3.4,
-            num_lanes: 1,
-            parking_width: 2.2,
-            pavement_width: 3.0,
-            kerb_height: 0.13,
-        }
+        Road { curvature, lane_width: 3.4, num_lanes: 1, parking_width: 2.2, pavement_width: 3.0, kerb_height: 0.13 }
     }
 
     #[test]

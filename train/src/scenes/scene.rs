@@ -11,9 +11,6 @@ use super::{
 };
 use crate::error::Result;
 
-/// Distance from the vehicle up to which tracked things are listed (metres).
-const BOX_REACH: f64 = 90.0;
-
 /// A procedural street: the same configuration gives the same bytes on every machine and for any number of threads.
 #[derive(Debug)]
 pub struct Scene {
@@ -101,7 +98,7 @@ impl Scene {
         let (time, road) = (self.config.frame_time(frame), &self.world.ground.road);
         let here = self.lidar_pose(frame).translation();
         let all = self.world.objects.iter().map(|object| object.tracked_box(road, time));
-        all.filter(|b| b.world_from_box.translation().distance(here) < BOX_REACH)
+        all.filter(|b| b.world_from_box.translation().distance(here) < self.config.box_reach_m)
             .map(|b| TrackedBox { world_from_box: self.clip_from_world * b.world_from_box, ..b })
             .collect()
     }

@@ -1,6 +1,6 @@
 //! Analytic shapes in their own frame: where a ray enters them and how far they reach.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
 use super::texture;
 
@@ -210,16 +210,18 @@ fn ellipsoid(ray: &Ray, radii: Vec3) -> Option<LocalHit> {
     })
 }
 
-/// Where a ray meets a clump of leaves: a disc with holes and a ragged rim; its normal looks against the ray.
+/// Whether a clump of leaves covers a place, in radii from its middle: a disc with holes and a ragged rim.
+pub(crate) fn leaf_is_solid(place: Vec2, seed: u32) -> bool {
+    let rim = place.length_squared();
+    rim < 1.0 && texture::noise(place.x * 2.6 + 17.3, place.y * 2.6 + 5.1, seed) > 1.5 * rim - 0.85
+}
+
+/// Where a ray meets a clump of leaves; its normal looks against the ray.
 fn leaf(ray: &Ray, radius: f32, seed: u32) -> Option<LocalHit> {
     let t = -ray.origin.z / ray.direction.z;
-    let p = ray.at(t) / radius;
-    let r2 = p.x * p.x + p.y * p.y;
-    if !t.is_finite() || r2 > 1.0 {
-        return None;
-    }
-    let solid = texture::noise(p.x * 2.6 + 17.3, p.y * 2.6 + 5.1, seed) > 1.5 * r2 - 0.85;
-    solid.then(|| LocalHit { t, normal: Vec3::new(0.0, 0.0, -ray.direction.z.signum()), face: 0 })
+    let place = ray.at(t).truncate() / radius;
+    let normal = Vec3::new(0.0, 0.0, -ray.direction.z.signum());
+    (t.is_finite() && leaf_is_solid(place, seed)).then_some(LocalHit { t, normal, face: 0 })
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::{
 };
 
 /// Radiance that the tone curve maps to white.
-const WHITE: f32 = 2.6;
+const WHITE: f32 = 1.7;
 
 /// The light of a scene.
 #[derive(Clone, Debug)]
@@ -35,15 +35,15 @@ impl Light {
         let clear = 1.0 - narrow(spec.overcast);
         // A low sun is warm.
         let height = smoothstep(0.0, 0.8, narrow(spec.sun_elevation_deg.to_radians()));
-        let warm = Vec3::new(1.0, mix(0.72, 0.96, height), mix(0.45, 0.88, height));
+        let warm = Vec3::new(1.0, mix(0.70, 0.93, height), mix(0.42, 0.80, height));
         Self {
             sun: narrow3(rotation.x_axis),
-            sun_colour: warm * 1.75 * clear,
-            from_above: colour(0.74, 0.78, 0.84) * mix(1.25, 0.95, clear),
-            from_below: colour(0.46, 0.44, 0.41),
-            zenith: colour(0.62, 0.64, 0.68).lerp(colour(0.30, 0.48, 0.76), clear),
-            horizon: colour(0.80, 0.81, 0.82).lerp(colour(0.80, 0.85, 0.90), clear) * warm.lerp(Vec3::ONE, 0.8),
-            cloud: colour(0.92, 0.92, 0.93),
+            sun_colour: warm * 2.1 * clear,
+            from_above: colour(0.74, 0.79, 0.86) * mix(1.4, 0.8, clear),
+            from_below: colour(0.44, 0.42, 0.39),
+            zenith: colour(0.74, 0.76, 0.80).lerp(colour(0.28, 0.50, 0.88), clear),
+            horizon: colour(0.86, 0.87, 0.88).lerp(colour(0.86, 0.93, 1.0), clear) * warm.lerp(Vec3::ONE, 0.8),
+            cloud: colour(0.9, 0.9, 0.92).lerp(colour(1.25, 1.25, 1.26), clear),
             cloud_cover: narrow(spec.clouds),
             haze_length: narrow(spec.haze_m),
             seed,
@@ -96,7 +96,7 @@ impl Light {
     /// `sqrt(x (1 + x / WHITE^2) / (1 + x))`, scaled to keep middle tones
     pub(crate) fn encode(radiance: Vec3) -> Vec3 {
         radiance.map(|x| {
-            let x = 1.3 * x.max(0.0);
+            let x = 1.15 * x.max(0.0);
             (x * (1.0 + x / (WHITE * WHITE)) / (1.0 + x)).sqrt().min(1.0)
         })
     }
@@ -122,7 +122,9 @@ mod tests {
     fn shade_is_darker_and_far_things_fade_to_the_horizon() {
         let light = light();
         let (grey, up) = (Vec3::splat(0.5), Vec3::Z);
-        assert!(light.reflected(grey, up, 1.0, 1.0).min_element() > 1.3 * light.reflected(grey, up, 1.0, 0.0).max_element());
+        assert!(
+            light.reflected(grey, up, 1.0, 1.0).min_element() > 1.3 * light.reflected(grey, up, 1.0, 0.0).max_element()
+        );
         assert!((light.hazed(Vec3::ZERO, 1e6) - light.horizon).length() < 1e-3);
         assert!(light.hazed(grey, 0.0) == grey);
     }

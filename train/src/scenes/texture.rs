@@ -6,7 +6,7 @@ use super::maths::{cell, hash, mix, smoothstep, unit};
 /// Smooth value noise in -1..1 with one cell per unit.
 pub(crate) fn noise(u: f32, v: f32, seed: u32) -> f32 {
     let (i, j) = (cell(u), cell(v));
-    let (fu, fv) = (u - u.floor(), v - v.floor());
+    let (fu, fv) = (u - i as f32, v - j as f32);
     let (su, sv) = (fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv));
     let corner = |di, dj| unit(hash(i.wrapping_add(di), j.wrapping_add(dj), seed));
     let near = mix(corner(0, 0), corner(1, 0), su);
@@ -46,7 +46,7 @@ pub(crate) fn pulse(x: f32, low: f32, high: f32, footprint: f32) -> f32 {
 pub(crate) fn stripes(x: f32, period: f32, width: f32, footprint: f32) -> f32 {
     // Integral of the stripes from 0 to x, differenced over the pixel.
     let integral = |x: f32| {
-        let turns = (x / period).floor();
+        let turns = cell(x / period) as f32;
         turns * width + (x - turns * period).min(width)
     };
     let w = footprint.max(1e-4);

@@ -164,7 +164,12 @@ mod tests {
                 assert!(traffic.objects[..k].iter().all(|b| b.track != a.track), "seed {seed}: track {}", a.track);
                 for b in &traffic.objects[..k] {
                     let clear = (a.motion.d - b.motion.d).abs() > 0.5 * (a.model.size.y + b.model.size.y) - 0.2
-                        || keep_apart(&config, &road, (&a.motion, a.model.size.x - GAP), (&b.motion, b.model.size.x - GAP));
+                        || keep_apart(
+                            &config,
+                            &road,
+                            (&a.motion, a.model.size.x - GAP),
+                            (&b.motion, b.model.size.x - GAP),
+                        );
                     let people = a.model.category == "pedestrian" || b.model.category == "pedestrian";
                     assert!(clear || people, "seed {seed}: {} and {}", a.track, b.track);
                 }

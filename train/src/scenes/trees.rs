@@ -25,7 +25,8 @@ pub(crate) struct Foliage {
 impl Foliage {
     /// The looks of one street's trees.
     pub(crate) fn new(dice: &mut Dice) -> Self {
-        let greens = [[0.36, 0.50, 0.22], [0.30, 0.46, 0.26], [0.44, 0.54, 0.20], [0.56, 0.50, 0.20], [0.26, 0.42, 0.22]];
+        let greens =
+            [[0.36, 0.50, 0.22], [0.30, 0.46, 0.26], [0.44, 0.54, 0.20], [0.56, 0.50, 0.20], [0.26, 0.42, 0.22]];
         let [r, g, b] = dice.pick(&greens);
         let grey = dice.uniform32(0.28, 0.46);
         let wide = dice.uniform(1.5, 2.6);

@@ -117,7 +117,9 @@ impl Moment<'_> {
             face: 0,
             target: Target::Ground(hit.zone),
         });
-        for (tree, target) in [(&self.world.statics, Target::Static as fn(usize) -> Target), (&self.movers, Target::Mover)] {
+        for (tree, target) in
+            [(&self.world.statics, Target::Static as fn(usize) -> Target), (&self.movers, Target::Mover)]
+        {
             let limit = best.map_or(t_max, |hit| hit.t);
             if let Some(hit) = tree.first_hit(ray, 0.0, limit) {
                 let normal = tree.primitives()[hit.index].world_from_local * hit.local.normal;
