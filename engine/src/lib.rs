@@ -2,7 +2,9 @@
 //!
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
+pub mod allocator;
 pub mod error;
+pub mod threads;
 
 pub mod ops;
 
@@ -19,3 +21,9 @@ pub mod render;
 pub mod loss;
 
 pub mod evaluate;
+
+pub mod export;
+
+pub mod pipeline;
+
+pub mod report;
