@@ -16,9 +16,15 @@ pub mod gaussians;
 
 pub mod network;
 
+pub mod densify;
+
 pub mod render;
 
 pub mod loss;
+
+pub mod objective;
+
+pub mod refine;
 
 pub mod evaluate;
 

@@ -36,6 +36,15 @@ pub struct GaussianSet {
     pub num_lidar: usize,
 }
 
+/// Gradients by raw attributes and velocities.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RawGradient {
+    /// `[N, 14]`.
+    pub attributes: Vec<[f32; NUM_ATTRIBUTES]>,
+    /// `[N, 3]`.
+    pub velocities: Vec<[f32; 3]>,
+}
+
 impl GaussianSet {
     /// Number of Gaussians of both branches.
     pub fn len(&self) -> usize {

@@ -45,6 +45,21 @@ pub struct SplatGradient {
     pub velocity: [f32; 3],
 }
 
+impl SplatGradient {
+    /// Adds `factor` times another gradient.
+    pub fn add_scaled(&mut self, other: &Self, factor: f32) {
+        fn add<const D: usize>(to: &mut [f32; D], from: &[f32; D], factor: f32) {
+            to.iter_mut().zip(from).for_each(|(t, f)| *t += factor * f);
+        }
+        add(&mut self.mean, &other.mean, factor);
+        add(&mut self.quat, &other.quat, factor);
+        add(&mut self.scale, &other.scale, factor);
+        add(&mut self.colour, &other.colour, factor);
+        add(&mut self.velocity, &other.velocity, factor);
+        self.opacity += factor * other.opacity;
+    }
+}
+
 /// Physical values of every Gaussian, in the order of the set.
 ///
 /// # Formula

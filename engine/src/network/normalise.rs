@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
+use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, RawGradient};
 
 /// Columns of the input of a first prediction: attributes and time.
 pub const INITIAL_INPUTS: usize = NUM_ATTRIBUTES + 1;
@@ -44,35 +44,21 @@ const RESIDUAL_SCALE: [f32; NUM_ATTRIBUTES] = {
     scale
 };
 
-/// Gradients by raw attributes and velocities.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct RawGradient {
-    /// `[N, 14]`.
-    pub attributes: Vec<[f32; NUM_ATTRIBUTES]>,
-    /// `[N, 3]`.
-    pub velocities: Vec<[f32; 3]>,
+/// Rows `[n, INITIAL_INPUTS]` of `chosen` Gaussians.
+pub fn initial_rows(set: &GaussianSet, chosen: &[usize]) -> Vec<f32> {
+    rows(chosen, INITIAL_INPUTS, |i, row| state(set, i, row))
 }
 
-/// Rows `[N, INITIAL_INPUTS]` of the Gaussians in `range`.
-pub fn initial_rows(set: &GaussianSet, range: std::ops::Range<usize>) -> Vec<f32> {
-    rows(range, INITIAL_INPUTS, |i, row| state(set, i, row))
-}
-
-/// Rows of a refinement step for the Gaussians in `range`, `[N, REFINE_INPUTS]` or, without velocities, `[N, BACKGROUND_REFINE_INPUTS]`.
+/// Rows of a refinement step of `chosen` Gaussians, `[n, REFINE_INPUTS]` or, without velocities, `[n, BACKGROUND_REFINE_INPUTS]`.
 ///
 /// # Formula
 /// A gradient enters as `asinh(g / rms)`, the root mean square taken per dimension over the rows: it does not change when the loss is
 /// multiplied by a constant, and one outlier moves the others by no more than the root of its share.
-pub fn refine_rows(
-    set: &GaussianSet,
-    gradient: &RawGradient,
-    range: std::ops::Range<usize>,
-    with_velocities: bool,
-) -> Vec<f32> {
-    let by_attributes = inverse_rms(&gradient.attributes[range.clone()]);
-    let by_velocities = inverse_rms(&gradient.velocities[range.clone()]);
+pub fn refine_rows(set: &GaussianSet, gradient: &RawGradient, chosen: &[usize], with_velocities: bool) -> Vec<f32> {
+    let by_attributes = inverse_rms(chosen.iter().map(|&i| &gradient.attributes[i]));
+    let by_velocities = inverse_rms(chosen.iter().map(|&i| &gradient.velocities[i]));
     let width = if with_velocities { REFINE_INPUTS } else { BACKGROUND_REFINE_INPUTS };
-    rows(range, width, |i, row| {
+    rows(chosen, width, |i, row| {
         state(set, i, row);
         let mut at = INITIAL_INPUTS;
         if with_velocities {
@@ -94,12 +80,12 @@ pub fn refine_rows(
     })
 }
 
-/// Adds head outputs to the Gaussians in `range`.
+/// Adds head outputs to `chosen` Gaussians.
 ///
 /// # Shapes
-/// `outputs` `[N, 14]`, or `[N, 17]` with velocities behind the attributes.
-pub fn add_residuals(set: &mut GaussianSet, range: std::ops::Range<usize>, outputs: &[f32], width: usize) {
-    for (i, output) in range.zip(outputs.chunks_exact(width)) {
+/// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
+pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) {
+    for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
         for (value, (o, scale)) in set.attributes[i].iter_mut().zip(output.iter().zip(RESIDUAL_SCALE)) {
             *value += o * scale;
         }
@@ -109,9 +95,9 @@ pub fn add_residuals(set: &mut GaussianSet, range: std::ops::Range<usize>, outpu
     }
 }
 
-fn rows(range: std::ops::Range<usize>, width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
-    let mut rows = vec![0.0_f32; range.len() * width];
-    rows.par_chunks_exact_mut(width).with_min_len(1024).zip(range).for_each(|(row, i)| fill(i, row));
+fn rows(chosen: &[usize], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
+    let mut rows = vec![0.0_f32; chosen.len() * width];
+    rows.par_chunks_exact_mut(width).with_min_len(1024).zip(chosen).for_each(|(row, &i)| fill(i, row));
     rows
 }
 
@@ -127,12 +113,12 @@ fn scaled(gradient: f32, inverse_rms: f64) -> f32 {
 }
 
 /// One over the root mean square of every column; 0 where a column is zero.
-fn inverse_rms<const D: usize>(rows: &[[f32; D]]) -> [f64; D] {
-    let mut sums = [0.0_f64; D];
+fn inverse_rms<'a, const D: usize>(rows: impl ExactSizeIterator<Item = &'a [f32; D]>) -> [f64; D] {
+    let (mut sums, count) = ([0.0_f64; D], rows.len() as f64);
     for row in rows {
         sums.iter_mut().zip(row).for_each(|(s, &v)| *s += f64::from(v) * f64::from(v));
     }
-    sums.map(|s| if s > 0.0 { (rows.len() as f64 / s).sqrt() } else { 0.0 })
+    sums.map(|s| if s > 0.0 { (count / s).sqrt() } else { 0.0 })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "network inputs are f32")]

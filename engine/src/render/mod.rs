@@ -80,6 +80,11 @@ impl RenderedWithState {
             + lists.entries.len() * size_of::<backward::Moments>()
     }
 
+    /// Indices of the Gaussians that can reach a pixel, nearest first.
+    pub fn visible(&self) -> impl Iterator<Item = usize> + '_ {
+        self.lists.footprints.iter().map(|footprint| footprint.index as usize)
+    }
+
     /// Number of pairs of a Gaussian and a tile that it can reach.
     pub fn num_intersections(&self) -> usize {
         self.lists.entries.len()

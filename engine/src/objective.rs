@@ -1,0 +1,53 @@
+//! The rendering loss of a scene over several views, and its gradient by the raw parameters.
+
+use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
+use crate::gaussians::{GaussianSet, RawGradient};
+use crate::loss::{LossWeights, image_loss, velocity_loss};
+use crate::render::{backward, render_for_gradient};
+use crate::views::View;
+
+/// Colour behind all Gaussians.
+const BEHIND: [f32; 3] = [0.0; 3];
+
+/// A scene's loss with its gradient.
+#[derive(Clone, Debug)]
+pub struct Objective {
+    /// Mean of the image losses over the views plus the velocity term.
+    pub loss: f64,
+    /// By the raw parameters.
+    pub gradient: RawGradient,
+    /// `[N]` whether any view shows the Gaussian's footprint.
+    pub seen: Vec<bool>,
+}
+
+/// The loss of the scene over `views`, and its gradient.
+///
+/// # Formula
+/// `1/V sum_v L(v) + velocity term` with the weights of [`LossWeights`].
+///
+/// # Gradient
+/// Exact, by all 14 raw attributes and the velocities of both branches; views are added in their order.
+pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Objective {
+    let splats: Vec<Splat> = to_physical(set);
+    let mut sum = vec![SplatGradient::default(); splats.len()];
+    let mut seen = vec![false; splats.len()];
+    let mut loss = 0.0;
+    let share = 1.0 / views.len().max(1) as f32;
+    for view in views {
+        let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
+        let (terms, by_image) = image_loss(&state.images, view, weights);
+        loss += terms.total / views.len() as f64;
+        state.visible().for_each(|i| seen[i] = true);
+        let gradient = backward(&splats, &view.pinhole, &state, &by_image);
+        sum.iter_mut().zip(&gradient).for_each(|(s, g)| s.add_scaled(g, share));
+    }
+    let (attributes, mut velocities) = to_raw_gradient(set, &sum);
+    // The background does not move: its velocities are no variables.
+    let (speed, by_velocity) = velocity_loss(&set.velocities[..set.num_lidar], weights.velocity);
+    for (v, g) in velocities.iter_mut().zip(&by_velocity) {
+        v.iter_mut().zip(g).for_each(|(v, g)| *v += g);
+    }
+    velocities[set.num_lidar..].fill([0.0; 3]);
+    loss += speed;
+    Objective { loss, gradient: RawGradient { attributes, velocities }, seen }
+}

@@ -1,0 +1,141 @@
+//! The learned refinement: render, loss, gradient, network, update, a few times over.
+
+use crate::error::Result;
+use crate::gaussians::{GaussianSet, MEAN, RawGradient};
+use crate::loss::LossWeights;
+use crate::network::buffers::Buffers;
+use crate::network::levels::{Levels, voxels_of};
+use crate::network::model::FoldedModel;
+use crate::network::normalise::{BACKGROUND_REFINE_INPUTS, REFINE_INPUTS, add_residuals, refine_rows};
+use crate::network::pass::{FoldedPass, gather};
+use crate::objective::{Objective, objective};
+use crate::views::View;
+
+/// What a refinement did, and what it left out because the scene did not need it.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct RefineSummary {
+    /// Loss over the input views before each step that was begun, and after the last one when it was measured.
+    pub losses: Vec<f64>,
+    /// Steps whose result was kept.
+    pub steps: usize,
+    /// Whether a step was taken back and the refinement ended because the loss had not fallen.
+    pub stopped_early: bool,
+    /// Gaussians that no input view shows and that were left as they are, in the last step.
+    pub unseen: usize,
+    /// Steps that used the voxel pyramid of the step before, because no primitive had left its voxel.
+    pub pyramids_kept: usize,
+    /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
+    pub non_finite_gradients: usize,
+}
+
+/// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
+#[derive(Debug, Default)]
+struct Pyramid {
+    kept: Option<(Vec<[i32; 4]>, Levels)>,
+    reused: usize,
+}
+
+impl Pyramid {
+    fn of(&mut self, set: &GaussianSet, range: &[usize], voxel_size: f64, num_levels: usize) -> Result<&Levels> {
+        let positions = range.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]));
+        let voxels = voxels_of(positions, voxel_size)?;
+        let kept = match self.kept.take() {
+            Some((old, levels)) if old == voxels => {
+                self.reused += 1;
+                (old, levels)
+            }
+            _ => {
+                let levels = Levels::new(&voxels, num_levels)?;
+                (voxels, levels)
+            }
+        };
+        Ok(&self.kept.insert(kept).1)
+    }
+}
+
+/// Refines the scene in place over the input views.
+///
+/// # Formula
+/// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. A step after which the loss over the views
+/// has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than its start.
+///
+/// # Gradient
+/// The loss gradients are inputs of the network and constants.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn refine(
+    set: &mut GaussianSet,
+    views: &[&View],
+    model: &FoldedModel,
+    steps: usize,
+    mut progress: impl FnMut(),
+) -> Result<RefineSummary> {
+    let weights = LossWeights::default();
+    let mut summary = RefineSummary::default();
+    let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
+    if steps == 0 || views.is_empty() || set.is_empty() {
+        return Ok(summary);
+    }
+    let mut current = objective(set, views, &weights);
+    summary.losses.push(current.loss);
+    for _ in 0..steps {
+        let before = set.clone();
+        summary.non_finite_gradients += silence(&mut current.gradient);
+        summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
+        for (branch, pyramid) in pyramids.iter_mut().enumerate() {
+            step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
+        }
+        let after = objective(set, views, &weights);
+        summary.losses.push(after.loss);
+        progress();
+        // Written so that a loss that is not a number counts as no gain.
+        let fell = after.loss < current.loss;
+        if !fell {
+            *set = before;
+            summary.stopped_early = true;
+            break;
+        }
+        summary.steps += 1;
+        current = after;
+    }
+    summary.pyramids_kept = pyramids[0].reused;
+    Ok(summary)
+}
+
+/// One step of one branch.
+fn step(
+    set: &mut GaussianSet,
+    objective: &Objective,
+    model: &FoldedModel,
+    (moving, pyramid): (bool, &mut Pyramid),
+    buffers: &mut Buffers,
+) -> Result<()> {
+    let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
+    let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
+    if seen.is_empty() {
+        return Ok(());
+    }
+    let config = &model.config;
+    let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
+        (&model.refine, REFINE_INPUTS, config.voxel_size, &config.unet)
+    } else {
+        (&model.background_refine, BACKGROUND_REFINE_INPUTS, config.background_voxel_size, &config.background_unet)
+    };
+    let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
+    let rows = refine_rows(set, &objective.gradient, &seen, moving);
+    let features = pass.site_features(&rows, cin, levels, buffers);
+    // Heads are linear per voxel: they run before the points take their voxel's row.
+    let outputs = pass.heads(&features, levels.sites.len(), buffers);
+    let by_point = gather(&outputs, levels, buffers);
+    add_residuals(set, &seen, &by_point, pass.num_outputs());
+    [features, outputs, by_point].into_iter().for_each(|buffer| buffers.give(buffer));
+    Ok(())
+}
+
+/// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
+fn silence(gradient: &mut RawGradient) -> usize {
+    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
+    let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
+    spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()
+}
