@@ -3,6 +3,9 @@
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
 pub mod error;
+
+pub mod ops;
+
 pub mod views;
 
 pub mod points;

@@ -1,0 +1,3 @@
+//! Operations that candle lacks or does slowly, each with its gradient and a slow twin.
+
+pub mod knn;
