@@ -7,25 +7,21 @@ pub fn morton(axes: [u32; 3], depth: u32) -> u64 {
 
 /// Skilling's Hilbert index: exchange and inversion of bits from the highest level down, then a Gray code undone bit by bit.
 pub fn hilbert(axes: [u32; 3], depth: u32) -> u64 {
-    let mut bits = axes.map(|axis| (0..depth).rev().map(|bit| axis >> bit & 1 == 1).collect::<Vec<bool>>());
-    let levels = depth as usize;
-    for level in 0..levels {
+    let mut levels: Vec<[bool; 3]> = (0..depth).rev().map(|bit| axes.map(|axis| axis >> bit & 1 == 1)).collect();
+    for level in 0..levels.len() {
         for axis in 0..3 {
-            let inverts = bits[axis][level];
-            for lower in level + 1..levels {
+            let inverts = levels[level][axis];
+            for lower in &mut levels[level + 1..] {
                 if inverts {
-                    bits[0][lower] = !bits[0][lower];
+                    lower[0] = !lower[0];
                 } else {
-                    let exchanged = bits[0][lower];
-                    bits[0][lower] = bits[axis][lower];
-                    bits[axis][lower] = exchanged;
+                    lower.swap(0, axis);
                 }
             }
         }
     }
-    let gray = (0..levels).flat_map(|level| [0, 1, 2].map(|axis| bits[axis][level]));
     let mut odd = false;
-    number(gray.map(|bit| {
+    number(levels.into_iter().flatten().map(|bit| {
         odd ^= bit;
         odd
     }))
