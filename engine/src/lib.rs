@@ -2,7 +2,9 @@
 //!
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
+pub mod allocator;
 pub mod error;
+pub mod threads;
 
 pub mod ops;
 
@@ -12,8 +14,16 @@ pub mod points;
 
 pub mod gaussians;
 
+pub mod network;
+
 pub mod render;
 
 pub mod loss;
 
 pub mod evaluate;
+
+pub mod export;
+
+pub mod pipeline;
+
+pub mod report;

@@ -1,1 +1,117 @@
 //! Clip directories: `clip.json` and the files beside it.
+
+use std::path::{Path, PathBuf};
+
+use crate::{
+    clip::{CameraRecord, Clip},
+    clip_json,
+    error::{FormatError, Result},
+    image::{self, ImageSize, LoadedImage},
+    read::read_file,
+    sweep::{self, Sweep},
+    write::write_atomic,
+};
+
+/// Name of the file that describes the clip.
+pub const CLIP_FILE: &str = "clip.json";
+/// Largest `clip.json`, bytes.
+pub const MAX_CLIP_BYTES: u64 = 64 << 20;
+
+/// A clip directory whose description was checked and whose files were there, of the right size, when it was opened.
+#[derive(Clone, Debug)]
+pub struct ClipDir {
+    root: PathBuf,
+    clip: Clip,
+}
+
+impl ClipDir {
+    /// The clip of the directory `root`.
+    ///
+    /// # Errors
+    /// A `clip.json` that is missing or not as `lgs-clip/1` asks, a file that it names and that is missing, a sweep
+    /// without points or with half a point, an image or mask of another size than declared.
+    pub fn open(root: &Path) -> Result<Self> {
+        let file = root.join(CLIP_FILE);
+        let clip = clip_json::parse(&file, &read_file(&file, MAX_CLIP_BYTES)?)?;
+        let dir = Self { root: root.to_owned(), clip };
+        for (f, frame) in dir.clip.frames.iter().enumerate() {
+            let at = format!("frames[{f}]");
+            let path = dir.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
+            sweep::count_returns(&path)?;
+            for (c, record) in frame.cameras.iter().enumerate() {
+                dir.check_camera(&format!("{at}.cameras[{c}]"), record)?;
+            }
+        }
+        Ok(dir)
+    }
+
+    /// What `clip.json` says.
+    pub fn clip(&self) -> &Clip {
+        &self.clip
+    }
+
+    /// The clip directory.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The sweep of a frame.
+    ///
+    /// # Errors
+    /// A frame that the clip does not have; those of [`sweep::read_sweep`].
+    pub fn load_sweep(&self, frame: usize) -> Result<Sweep> {
+        let frames = &self.clip.frames;
+        let record = frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?;
+        sweep::read_sweep(&self.root.join(&record.lidar.file))
+    }
+
+    /// The image of a camera (by its place in the frame's list): decoded, rectified, and resized to `size` if given.
+    ///
+    /// # Errors
+    /// A frame or camera that the clip does not have; those of [`image::load`].
+    pub fn load_image(&self, frame: usize, camera: usize, size: Option<ImageSize>) -> Result<LoadedImage> {
+        let frames = &self.clip.frames;
+        let cameras = &frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?.cameras;
+        let field = || format!("frames[{frame}].cameras");
+        let record = cameras.get(camera).ok_or_else(|| self.no_such(&field(), camera, cameras.len()))?;
+        image::load(&self.root, record, size)
+    }
+
+    fn no_such(&self, field: &str, index: usize, count: usize) -> FormatError {
+        FormatError::invalid(&self.root.join(CLIP_FILE), field, format!("an entry {index}"), format!("{count} entries"))
+    }
+
+    /// The path of a file that `clip.json` names, if there is one.
+    fn existing(&self, field: &str, file: &Path) -> Result<PathBuf> {
+        let path = self.root.join(file);
+        match std::fs::metadata(&path) {
+            Ok(_) => Ok(path),
+            Err(error) => {
+                let found = format!("`{}`: {error}", file.display());
+                Err(FormatError::invalid(&self.root.join(CLIP_FILE), field, "a file that exists", found))
+            }
+        }
+    }
+
+    fn check_camera(&self, at: &str, record: &CameraRecord) -> Result<()> {
+        let path = self.existing(&format!("{at}.file"), &record.file)?;
+        image::check_size(&path, &record.camera)?;
+        if let Some(mask) = &record.mask {
+            image::check_size(&self.existing(&format!("{at}.mask"), mask)?, &record.camera)?;
+        }
+        Ok(())
+    }
+}
+
+/// Nothing: writes the `clip.json` of `clip` into the directory `root`, which must exist.
+///
+/// # Errors
+/// A clip that could not be read back, and a directory that cannot be written to.
+pub fn write_clip(root: &Path, clip: &Clip) -> Result<()> {
+    let file = root.join(CLIP_FILE);
+    let text = clip_json::to_text(&file, clip)?;
+    write_atomic(&file, &text)
+}
+
+#[cfg(test)]
+mod tests;

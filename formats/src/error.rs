@@ -2,6 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+/// Longest field, expectation or finding, characters.
+const MAX_PART: usize = 500;
+
 /// What is wrong with a file.
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
@@ -27,6 +30,16 @@ pub enum FormatError {
         /// What was there.
         found: String,
     },
+    /// The text cannot be parsed, or holds keys or types that the format does not know.
+    #[error("{}: {field}: {message}", file.display())]
+    Syntax {
+        /// The file.
+        file: PathBuf,
+        /// Path of the field with its line, for example `frames[0].lidar (line 7)`.
+        field: String,
+        /// The parser's own sentence.
+        message: String,
+    },
 }
 
 impl FormatError {
@@ -42,9 +55,40 @@ impl FormatError {
         expected: impl Into<String>,
         found: impl Into<String>,
     ) -> Self {
-        Self::Invalid { file: file.to_owned(), field: field.into(), expected: expected.into(), found: found.into() }
+        let [field, expected, found] = [field.into(), expected.into(), found.into()].map(one_line);
+        Self::Invalid { file: file.to_owned(), field, expected, found }
     }
+
+    /// An [`FormatError::Syntax`].
+    pub fn syntax(file: &Path, field: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Syntax { file: file.to_owned(), field: one_line(field.into()), message: one_line(message.into()) }
+    }
+}
+
+/// The text without control characters and of bounded length: parts of it come from the file itself.
+fn one_line(text: String) -> String {
+    if text.len() <= MAX_PART && !text.contains(char::is_control) {
+        return text;
+    }
+    let mut line: String = text.chars().take(MAX_PART).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if text.len() > MAX_PART {
+        line.push_str("...");
+    }
+    line
 }
 
 /// Result of this crate's operations.
 pub type Result<T> = std::result::Result<T, FormatError>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_one_line_of_bounded_length() {
+        let error = FormatError::invalid(Path::new("f"), "a\nb", "x", "y\r\n\u{1b}[31m".repeat(1000));
+        let message = error.to_string();
+        assert!(!message.contains(char::is_control), "{message}");
+        assert!(message.starts_with("f: a b: expected x, found y") && message.len() < 600, "{message}");
+    }
+}

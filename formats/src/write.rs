@@ -1,1 +1,74 @@
-//! Atomic writes: temporary name, sync, rename.
+//! Atomic writes: temporary name in the same directory, sync, rename.
+
+use std::{io::Write, path::Path};
+
+use crate::error::{FormatError, Result};
+
+/// Nothing: afterwards `path` holds exactly `bytes`, or, on an error, what it held before.
+///
+/// The directory of `path` must exist.
+///
+/// # Errors
+/// [`FormatError::Io`] when the directory cannot be written to.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".lgs-").suffix(".part");
+    #[cfg(unix)]
+    let permissions = <std::fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
+    #[cfg(unix)]
+    builder.permissions(permissions); // the umask takes its share, as for any new file
+    let mut file = builder.tempfile_in(directory).map_err(|e| FormatError::io(path, "create", e))?;
+    file.write_all(bytes).map_err(|e| FormatError::io(path, "write", e))?;
+    file.as_file().sync_all().map_err(|e| FormatError::io(path, "sync", e))?;
+    file.persist(path).map_err(|e| FormatError::io(path, "rename to", e.error))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn replaces_the_content_and_leaves_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bin");
+        write_atomic(&path, b"first, and longer").unwrap();
+        write_atomic(&path, b"second").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"second");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_content_and_no_temporary() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("occupied");
+        std::fs::create_dir(&path).unwrap();
+        std::fs::write(path.join("kept"), b"kept").unwrap();
+        let message = write_atomic(&path, b"bytes").unwrap_err().to_string();
+        assert!(message.contains("occupied: rename to"), "{message}");
+        assert_eq!(std::fs::read(path.join("kept")).unwrap(), b"kept");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_directory_is_an_error_that_names_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let message = write_atomic(&dir.path().join("no/such.bin"), b"").unwrap_err().to_string();
+        assert!(message.contains("such.bin: create: "), "{message}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_new_file_can_be_read_by_others_as_the_umask_says() {
+        use std::os::unix::fs::PermissionsExt;
+        let dir = tempfile::tempdir().unwrap();
+        let mode = |name: &str| std::fs::metadata(dir.path().join(name)).unwrap().permissions().mode();
+        write_atomic(&dir.path().join("ours"), b"").unwrap();
+        std::fs::write(dir.path().join("plain"), b"").unwrap();
+        assert_eq!(mode("ours"), mode("plain"));
+    }
+}

@@ -1,6 +1,10 @@
 //! The scene as Gaussians: raw parameters, their physical values, motion, the background branch.
 
+pub mod background;
+mod initial;
 pub mod physical;
+
+pub use initial::initial;
 
 /// Attributes of one Gaussian: mean 3, quaternion 4, log scale 3, opacity logit 1, colour logit 3.
 pub const NUM_ATTRIBUTES: usize = 14;

@@ -1,27 +1,16 @@
 //! Views: what one camera saw at one moment, at the size and in the frame that the reconstruction works in.
 
+mod clip_frame;
+mod load;
+mod pinhole;
+mod selection;
+
 use lgs_formats::image::{PixelLabel, RgbImage};
 
-/// A pinhole camera at one moment, in f32 and the clip frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PinholeView {
-    /// Image width, pixels.
-    pub width: usize,
-    /// Image height, pixels.
-    pub height: usize,
-    /// Focal length along x, pixels.
-    pub fx: f32,
-    /// Focal length along y, pixels.
-    pub fy: f32,
-    /// Principal point x, pixels (centre of a pixel at +0.5).
-    pub cx: f32,
-    /// Principal point y, pixels.
-    pub cy: f32,
-    /// Rows of `camera_from_clip`, rotation and translation (metres).
-    pub camera_from_clip: [[f32; 4]; 3],
-    /// Moment to render, seconds since the clip's time zero.
-    pub time: f32,
-}
+pub use clip_frame::ClipFrame;
+pub use load::load_views;
+pub use pinhole::{NEAR, PinholeView, Projected};
+pub use selection::{SelectedFrames, Selection};
 
 /// A `LiDAR` return that projects into a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,4 +47,10 @@ pub struct View {
     pub labels: Option<Vec<PixelLabel>>,
     /// Nearest return of each pixel that a return of this frame's sweep projects to, ascending by pixel.
     pub depth_samples: Vec<DepthSample>,
+}
+
+/// The f32 nearest to an f64: the one place where poses and times leave double precision.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
+pub(crate) const fn to_f32(value: f64) -> f32 {
+    value as f32
 }

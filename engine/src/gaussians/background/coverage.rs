@@ -1,0 +1,71 @@
+//! How much of a view a set of round Gaussians covers, whatever their order.
+
+use crate::{
+    gaussians::{LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, physical::sigmoid},
+    views::PinholeView,
+};
+
+/// Variance that the renderer adds to every projected Gaussian, square pixels.
+const BLUR: f32 = 0.3;
+/// Weight below which the renderer skips a Gaussian.
+const MIN_ALPHA: f32 = 1.0 / 255.0;
+
+/// Transmittance of a view's pixels through everything that was added, as its logarithm.
+#[derive(Clone, Debug)]
+pub(super) struct Coverage {
+    width: usize,
+    height: usize,
+    /// `[H, W]` sum of `ln(1 - alpha)`.
+    log_transmittance: Vec<f32>,
+}
+
+impl Coverage {
+    /// A view that nothing covers.
+    pub(super) fn new(view: &PinholeView) -> Self {
+        Self { width: view.width, height: view.height, log_transmittance: vec![0.0; view.num_pixels()] }
+    }
+
+    /// The share of a pixel (row-major index) that shows through.
+    pub(super) fn transmittance(&self, pixel: usize) -> f32 {
+        self.log_transmittance[pixel].exp()
+    }
+
+    /// Nothing: adds round Gaussians given by their raw attributes; the first log scale counts.
+    pub(super) fn add(&mut self, view: &PinholeView, rows: &[[f32; NUM_ATTRIBUTES]]) {
+        for row in rows {
+            let [x, y, z] = view.to_camera([row[MEAN.start], row[MEAN.start + 1], row[MEAN.start + 2]]);
+            if z <= crate::views::NEAR {
+                continue;
+            }
+            let sigma = row[LOG_SCALE.start].exp() * view.fx / z;
+            let at = (view.fx * x / z + view.cx, view.fy * y / z + view.cy);
+            self.splat(at, sigma * sigma + BLUR, sigmoid(row[LOGIT_OPACITY]));
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image before the cast")]
+    fn splat(&mut self, (u, v): (f32, f32), variance: f32, opacity: f32) {
+        let reach = 2.0 * variance * (opacity / MIN_ALPHA).ln(); // square of the radius, pixels
+        if reach <= 0.0 {
+            return;
+        }
+        let radius = reach.sqrt();
+        let range = |centre: f32, size: usize| {
+            let low = (centre - radius - 0.5).ceil().clamp(0.0, size as f32) as usize;
+            let high = (centre + radius + 0.5).floor().clamp(0.0, size as f32) as usize;
+            low..high
+        };
+        let columns = range(u, self.width);
+        for row in range(v, self.height) {
+            let dy = row as f32 + 0.5 - v;
+            let line = &mut self.log_transmittance[row * self.width..(row + 1) * self.width];
+            for (column, cell) in columns.clone().zip(&mut line[columns.clone()]) {
+                let dx = column as f32 + 0.5 - u;
+                let q = dx * dx + dy * dy;
+                if q < reach {
+                    *cell += (1.0 - (opacity * (-0.5 * q / variance).exp()).min(0.999)).ln();
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! A hemisphere far behind everything that the sweeps reach.
+
+use super::Sheet;
+use crate::{
+    points::PointCloud,
+    views::{PinholeView, Projected, View},
+};
+
+/// Radius of the hemisphere over that of the sphere around the `LiDAR` bounding box (specification, section 4).
+const RADIUS_SHARE: f32 = 4.0;
+
+/// Where the rays of the views' pixels meet the hemisphere; unknown below the horizon.
+pub(super) fn sheets(views: &[&View], cloud: &PointCloud) -> Vec<Sheet> {
+    let radius = radius(cloud);
+    views.iter().map(|view| sheet(&view.pinhole, radius)).collect()
+}
+
+/// Radius (metres) of the hemisphere: four times half the diagonal of the bounding box of all returns.
+pub(super) fn radius(cloud: &PointCloud) -> f32 {
+    let extent = |k: usize| {
+        let values = cloud.positions.iter().map(|p| p[k]);
+        let range = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        (range.1 - range.0).max(0.0)
+    };
+    let diagonal = (0..3).map(|k| extent(k) * extent(k)).sum::<f32>().sqrt();
+    RADIUS_SHARE * 0.5 * diagonal.max(1.0)
+}
+
+fn sheet(view: &PinholeView, radius: f32) -> Sheet {
+    let centre = view.centre();
+    let inverse = |pixel: usize| {
+        let (u, v) = ((pixel % view.width) as f32 + 0.5, (pixel / view.width) as f32 + 0.5);
+        let ahead = view.unproject(Projected { u, v, depth: 1.0 });
+        let ray: [f32; 3] = std::array::from_fn(|k| ahead[k] - centre[k]);
+        if ray[2] < 0.0 {
+            return f32::NAN;
+        }
+        ray.iter().map(|r| r * r).sum::<f32>().sqrt() / radius
+    };
+    Sheet((0..view.num_pixels()).map(inverse).collect())
+}

@@ -1,0 +1,13 @@
+//! The network: passes of both branches, query, and where their weights come from.
+
+pub mod buffers;
+pub mod config;
+pub mod layers;
+pub mod levels;
+pub mod linear;
+pub mod model;
+pub mod normalise;
+pub mod pass;
+pub mod query;
+pub mod unet;
+pub mod weights;

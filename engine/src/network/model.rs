@@ -1,0 +1,137 @@
+//! The whole model: passes of both branches, query.
+
+use candle_core::{DType, Device, Result};
+use candle_nn::VarBuilder;
+
+use super::config::ModelConfig;
+use super::normalise::{BACKGROUND_REFINE_INPUTS, INITIAL_INPUTS, REFINE_INPUTS};
+use super::pass::{FoldedPass, Outputs, Pass};
+use super::query::{PackedQuery, Query};
+use super::weights::{RandomWeights, Recorder, TensorSpec, WeightFile};
+
+/// The background has no time of its own, but its input keeps the column: 14 attributes and a time of zero.
+pub const BACKGROUND_INITIAL_INPUTS: usize = INITIAL_INPUTS;
+
+/// The trainable model.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// First prediction of the `LiDAR` branch.
+    pub initial: Pass,
+    /// Refinement of the `LiDAR` branch, shared by its steps.
+    pub refine: Pass,
+    /// First prediction of the background.
+    pub background_initial: Pass,
+    /// Refinement of the background.
+    pub background_refine: Pass,
+    /// Cross-Time Point Query, when the config has one.
+    pub query: Option<Query>,
+}
+
+/// The model as inference runs it.
+#[derive(Clone, Debug)]
+pub struct FoldedModel {
+    /// The sizes.
+    pub config: ModelConfig,
+    /// First prediction of the `LiDAR` branch.
+    pub initial: FoldedPass,
+    /// Refinement of the `LiDAR` branch.
+    pub refine: FoldedPass,
+    /// First prediction of the background.
+    pub background_initial: FoldedPass,
+    /// Refinement of the background.
+    pub background_refine: FoldedPass,
+    /// Cross-Time Point Query.
+    pub query: Option<PackedQuery>,
+}
+
+impl Model {
+    /// Makes or loads `initial`, `refine`, `background.{initial, refine}` and `query`.
+    ///
+    /// # Errors
+    /// When the builder has no such tensor.
+    pub fn new(config: &ModelConfig, vb: &VarBuilder<'_>) -> Result<Self> {
+        let background = vb.pp("background");
+        let moving = |cin, name: &str| Pass::new(cin, &config.unet, Outputs::Moving, &vb.pp(name));
+        let still = |cin, name: &str| Pass::new(cin, &config.background_unet, Outputs::Static, &background.pp(name));
+        let query = config.query.as_ref().map(|_| Query::new(config.unet.width(), &vb.pp("query"))).transpose()?;
+        Ok(Self {
+            initial: moving(INITIAL_INPUTS, "initial")?,
+            refine: moving(REFINE_INPUTS, "refine")?,
+            background_initial: still(BACKGROUND_INITIAL_INPUTS, "initial")?,
+            background_refine: still(BACKGROUND_REFINE_INPUTS, "refine")?,
+            query,
+        })
+    }
+
+    /// The tensors of a model of this size.
+    ///
+    /// # Errors
+    /// Never for a config that was parsed.
+    pub fn tensors(config: &ModelConfig) -> Result<Vec<TensorSpec>> {
+        Recorder::list(|vb| Self::new(config, vb))
+    }
+
+    /// The form that inference runs.
+    ///
+    /// # Errors
+    /// When a tensor cannot be read.
+    pub fn fold(&self, config: &ModelConfig) -> Result<FoldedModel> {
+        Ok(FoldedModel {
+            config: config.clone(),
+            initial: self.initial.fold()?,
+            refine: self.refine.fold()?,
+            background_initial: self.background_initial.fold()?,
+            background_refine: self.background_refine.fold()?,
+            query: self.query.as_ref().map(Query::pack).transpose()?,
+        })
+    }
+}
+
+impl FoldedModel {
+    /// The model of a weights file, which is checked as a whole first.
+    ///
+    /// # Errors
+    /// As [`WeightFile::check`].
+    pub fn load(config: &ModelConfig, file: &WeightFile) -> crate::error::Result<Self> {
+        file.check(&Model::tensors(config)?)?;
+        let vb = VarBuilder::from_backend(Box::new(file.clone()), DType::F32, Device::Cpu);
+        Ok(Model::new(config, &vb)?.fold(config)?)
+    }
+
+    /// The model with seeded weights.
+    ///
+    /// # Errors
+    /// Never for a config that was parsed.
+    pub fn random(config: &ModelConfig, seed: u64) -> Result<Self> {
+        let vb = VarBuilder::from_backend(Box::new(RandomWeights { seed }), DType::F32, Device::Cpu);
+        Model::new(config, &vb)?.fold(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Model, ModelConfig, TensorSpec};
+
+    fn parameters(config: &ModelConfig) -> usize {
+        let tensors = Model::tensors(config).unwrap();
+        tensors.iter().filter(|t| t.is_parameter()).map(TensorSpec::len).sum()
+    }
+
+    #[test]
+    fn parameters_of_the_paper() {
+        let path = Path::new("full.json");
+        let mut config = ModelConfig::parse(include_str!("../../../models/full.json"), path).unwrap();
+        assert_eq!(parameters(&config), 86_959_294 + 18_432);
+        config.query = None;
+        assert_eq!(parameters(&config), 86_959_294);
+    }
+
+    #[test]
+    fn a_small_size_for_small_machines() {
+        let path = Path::new("tiny.json");
+        let config = ModelConfig::parse(include_str!("../../../models/tiny.json"), path).unwrap();
+        assert!((1_000_000..=3_000_000).contains(&parameters(&config)), "{}", parameters(&config));
+    }
+}

@@ -1,0 +1,139 @@
+//! A pass: one U-Net and the linear heads on its features.
+
+use candle_core::{Result, Tensor};
+use candle_nn::VarBuilder;
+
+use super::buffers::Buffers;
+use super::levels::Levels;
+use super::linear::{Linear, PackedLinear, Start};
+use super::unet::{FoldedUNet, UNet, UNetConfig};
+use crate::gaussians::NUM_ATTRIBUTES;
+use crate::ops::sparse_conv::KernelMap;
+
+/// What the heads of a pass predict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// Attribute residuals and velocities (or their residuals): the `LiDAR` branch.
+    Moving,
+    /// Attribute residuals: the background.
+    Static,
+}
+
+/// The trainable pass.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    unet: UNet,
+    gaussian_head: Linear,
+    velocity_head: Option<Linear>,
+}
+
+/// The pass as inference runs it.
+#[derive(Clone, Debug)]
+pub struct FoldedPass {
+    unet: FoldedUNet,
+    gaussian_head: PackedLinear,
+    velocity_head: Option<PackedLinear>,
+    width: usize,
+}
+
+impl Pass {
+    /// Makes or loads `unet`, `heads.gaussian` and, where things move, `heads.velocity`; the heads start at zero.
+    ///
+    /// # Errors
+    /// When the builder has no such tensor.
+    pub fn new(cin: usize, config: &UNetConfig, outputs: Outputs, vb: &VarBuilder<'_>) -> Result<Self> {
+        let heads = vb.pp("heads");
+        let head = |name: &str, cout: usize| Linear::new(config.width(), cout, Start::Zero, true, &heads.pp(name));
+        Ok(Self {
+            unet: UNet::new(cin, config, &vb.pp("unet"))?,
+            gaussian_head: head("gaussian", NUM_ATTRIBUTES)?,
+            velocity_head: (outputs == Outputs::Moving).then(|| head("velocity", 3)).transpose()?,
+        })
+    }
+
+    /// Features of the points, differentiable: voxel means of `rows`, the U-Net, then every point its voxel's features.
+    ///
+    /// # Shapes
+    /// `voxel_rows` `[M, cin]` means of the points of each site; result `[N, width]`.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn features(&self, voxel_rows: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
+        let features = self.unet.forward(voxel_rows, levels, train)?;
+        let site_of = Tensor::from_slice(&levels.site_of, levels.site_of.len(), voxel_rows.device())?;
+        features.index_select(&site_of, 0)
+    }
+
+    /// Head outputs, differentiable: `[N, 17]`, or `[N, 14]` for what does not move.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn heads(&self, features: &Tensor) -> Result<Tensor> {
+        let gaussian = self.gaussian_head.forward(features)?;
+        match &self.velocity_head {
+            Some(head) => Tensor::cat(&[gaussian, head.forward(features)?], 1),
+            None => Ok(gaussian),
+        }
+    }
+
+    /// The form that inference runs.
+    ///
+    /// # Errors
+    /// When a tensor cannot be read.
+    pub fn fold(&self) -> Result<FoldedPass> {
+        let gaussian_head = self.gaussian_head.pack()?;
+        let velocity_head = self.velocity_head.as_ref().map(Linear::pack).transpose()?;
+        let width = gaussian_head.cout() + velocity_head.as_ref().map_or(0, PackedLinear::cout);
+        Ok(FoldedPass { unet: self.unet.fold()?, gaussian_head, velocity_head, width })
+    }
+}
+
+impl FoldedPass {
+    /// Features of the sites, `[M, width of the U-Net]`, a buffer of `buffers`.
+    ///
+    /// # Shapes
+    /// `rows` `[N, cin]` of the points.
+    pub fn site_features(&self, rows: &[f32], cin: usize, levels: &Levels, buffers: &mut Buffers) -> Vec<f32> {
+        self.unet.forward(&levels.mean_of_points(rows, cin), levels, buffers)
+    }
+
+    /// Head outputs `[rows, outputs]` of features `[rows, width]`.
+    pub fn heads(&self, features: &[f32], rows: usize, buffers: &mut Buffers) -> Vec<f32> {
+        let map = KernelMap::identity(rows);
+        let mut gaussian = buffers.take(rows * self.gaussian_head.cout());
+        self.gaussian_head.forward(features, &map, None, &mut gaussian);
+        let Some(head) = &self.velocity_head else { return gaussian };
+        let mut velocity = buffers.take(rows * head.cout());
+        head.forward(features, &map, None, &mut velocity);
+        let mut joined = buffers.take(rows * self.width);
+        let parts = gaussian.chunks_exact(self.gaussian_head.cout()).zip(velocity.chunks_exact(head.cout()));
+        for (row, (g, v)) in joined.chunks_exact_mut(self.width).zip(parts) {
+            row[..g.len()].copy_from_slice(g);
+            row[g.len()..].copy_from_slice(v);
+        }
+        buffers.give(gaussian);
+        buffers.give(velocity);
+        joined
+    }
+
+    /// Number of head outputs.
+    pub fn num_outputs(&self) -> usize {
+        self.width
+    }
+}
+
+/// The rows of each point's site.
+///
+/// # Shapes
+/// `site_rows` `[M, width]`; result `[N, width]`, a buffer of `buffers`.
+pub fn gather(site_rows: &[f32], levels: &Levels, buffers: &mut Buffers) -> Vec<f32> {
+    use rayon::prelude::*;
+    let width = site_rows.len() / levels.num_points.len().max(1);
+    let mut rows = buffers.take(levels.site_of.len() * width);
+    if width > 0 {
+        rows.par_chunks_exact_mut(width).with_min_len(1024).zip(&levels.site_of).for_each(|(row, &site)| {
+            row.copy_from_slice(&site_rows[site as usize * width..][..width]);
+        });
+    }
+    rows
+}

@@ -1,0 +1,28 @@
+//! Sweeps of several frames as one cloud in the clip frame.
+
+use lgs_formats::clip_dir::ClipDir;
+
+use super::PointCloud;
+use crate::{
+    error::{EngineError, Result},
+    views::ClipFrame,
+};
+
+/// The returns of `input_frames`, frame by frame, in the clip frame.
+///
+/// # Errors
+/// Those of [`ClipDir::load_sweep`]; [`EngineError::Setting`] for a frame that the clip does not have.
+pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Result<PointCloud> {
+    let mut cloud = PointCloud::default();
+    for &index in input_frames {
+        let Some((record, label)) = dir.clip().frames.get(index).zip(u32::try_from(index).ok()) else {
+            let expected = format!("frame indices below {}", dir.clip().frames.len());
+            return Err(EngineError::Setting { setting: "--frames", expected, found: index.to_string() });
+        };
+        let sweep = frame.points(&record.lidar.world_from_lidar, &dir.load_sweep(index)?.points);
+        cloud.times.resize(cloud.len() + sweep.len(), frame.time(record.lidar.timestamp));
+        cloud.frames.resize(cloud.len() + sweep.len(), label);
+        cloud.positions.extend(sweep);
+    }
+    Ok(cloud)
+}

@@ -1,0 +1,66 @@
+//! Views from a clip directory.
+
+use lgs_formats::clip_dir::ClipDir;
+use rayon::prelude::*;
+
+use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, selection::SelectedImage};
+use crate::error::{EngineError, Result};
+
+/// The selected views of one role: frame by frame, cameras in the clip's order; `progress` is called once per view. No
+/// file of a frame of the other role is opened.
+///
+/// # Errors
+/// Those of [`Selection::frames`], a camera that the clip does not have, and whatever is wrong with a file.
+pub fn load_views(
+    dir: &ClipDir,
+    selection: &Selection,
+    role: Role,
+    frame: &ClipFrame,
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<View>> {
+    let images = selection.images(dir.clip())?;
+    let load = |image: &SelectedImage| {
+        let view = load_view(dir, image, selection, frame);
+        progress();
+        view
+    };
+    images.par_iter().filter(|image| image.role == role).map(load).collect()
+}
+
+fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame: &ClipFrame) -> Result<View> {
+    let loaded = dir.load_image(image.frame, image.camera, selection.image_size)?;
+    let pinhole = frame.pinhole(&loaded.camera);
+    let sweep = dir.load_sweep(image.frame)?;
+    let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &sweep.points);
+    Ok(View {
+        frame: image.frame,
+        camera: loaded.camera.name,
+        role: image.role,
+        pinhole,
+        image: loaded.rgb,
+        labels: loaded.labels,
+        depth_samples: depth_samples(&pinhole, &points)?,
+    })
+}
+
+/// The nearest of `points` (metres, clip frame) in every pixel that one projects to, ascending by pixel.
+///
+/// # Errors
+/// [`EngineError::Setting`] for an image with more pixels than a u32 can count.
+pub(crate) fn depth_samples(view: &PinholeView, points: &[[f32; 3]]) -> Result<Vec<DepthSample>> {
+    if u32::try_from(view.num_pixels()).is_err() {
+        let found = format!("{}x{}", view.height, view.width);
+        return Err(EngineError::Setting {
+            setting: "--image-size",
+            expected: "fewer than 2^32 pixels".to_owned(),
+            found,
+        });
+    }
+    let mut nearest = vec![f32::INFINITY; view.num_pixels()]; // [H, W]
+    for at in points.iter().filter_map(|&point| view.project(point)) {
+        let cell = &mut nearest[at.pixel(view.width)];
+        *cell = cell.min(at.depth);
+    }
+    let hits = (0..).zip(nearest).filter(|(_, depth)| depth.is_finite());
+    Ok(hits.map(|(pixel, depth)| DepthSample { pixel, depth }).collect())
+}

@@ -1,0 +1,189 @@
+//! Every check of what a `clip.json` says, before anything else looks at it.
+
+use std::{
+    collections::BTreeSet,
+    path::{Component, Path, PathBuf},
+};
+
+use super::{BoxJson, CameraJson, ClipJson, FrameJson, LidarJson, Rows, format_error};
+use crate::{
+    camera::{Camera, Distortion, Intrinsics},
+    clip::{CLIP_FORMAT, CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    error::{FormatError, Result},
+    image::MAX_IMAGE_SIDE,
+    pose::Pose,
+};
+
+/// Largest absolute timestamp, seconds: an epoch in milliseconds or finer is in the wrong unit.
+const MAX_TIMESTAMP: f64 = 1e11;
+/// Largest time between a camera and the sweep of its frame, seconds: more means two clocks.
+const MAX_CLOCK_DIFFERENCE: f64 = 3600.0;
+/// Largest translation along one axis, metres: beyond every map projection.
+const MAX_TRANSLATION: f64 = 1e9;
+/// Focal lengths that survive f32 arithmetic, pixels.
+const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e7;
+/// Largest absolute principal point, pixels.
+const MAX_PRINCIPAL_POINT: f64 = 1e7;
+/// Largest edge of a box, metres.
+const MAX_BOX_EDGE: f64 = 1e4;
+/// Longest camera name, bytes: it becomes part of a file's name.
+const MAX_CAMERA_NAME: usize = 100;
+
+/// Values of a `clip.json` on their way to validated types.
+pub(super) struct Checker<'a> {
+    file: &'a Path,
+}
+
+impl<'a> Checker<'a> {
+    /// A checker whose errors name `file`.
+    pub(super) fn new(file: &'a Path) -> Self {
+        Self { file }
+    }
+
+    /// The clip that the mirror describes.
+    ///
+    /// # Errors
+    /// The first value that is out of range, by its field.
+    pub(super) fn clip(&self, json: ClipJson) -> Result<Clip> {
+        if json.format != CLIP_FORMAT {
+            return Err(format_error(self.file, &json.format));
+        }
+        if json.frames.is_empty() {
+            return self.error("frames", "at least one frame", "an empty list");
+        }
+        let frames = json.frames.into_iter().enumerate().map(|(i, f)| self.frame(&format!("frames[{i}]"), f));
+        let frames = frames.collect::<Result<_>>()?;
+        Ok(Clip { name: json.name, source: json.source, licence: json.licence, frames })
+    }
+
+    fn error<T>(&self, field: impl Into<String>, expected: impl Into<String>, found: impl Into<String>) -> Result<T> {
+        Err(FormatError::invalid(self.file, field, expected, found))
+    }
+
+    fn frame(&self, at: &str, json: FrameJson) -> Result<Frame> {
+        let lidar = self.lidar(&format!("{at}.lidar"), json.lidar)?;
+        let mut names = BTreeSet::new();
+        let mut cameras = Vec::with_capacity(json.cameras.len());
+        for (i, camera) in json.cameras.into_iter().enumerate() {
+            let at = format!("{at}.cameras[{i}]");
+            if !names.insert(camera.name.clone()) {
+                let found = format!("`{}` twice", camera.name);
+                return self.error(format!("{at}.name"), "a name that occurs once in a frame", found);
+            }
+            cameras.push(self.camera(&at, camera, lidar.timestamp)?);
+        }
+        let boxes = json.boxes.map(|boxes| self.boxes(at, boxes)).transpose()?;
+        Ok(Frame { lidar, cameras, boxes })
+    }
+
+    fn lidar(&self, at: &str, json: LidarJson) -> Result<LidarRecord> {
+        Ok(LidarRecord {
+            file: self.path(&format!("{at}.file"), json.file)?,
+            timestamp: self.timestamp(&format!("{at}.timestamp"), json.timestamp)?,
+            world_from_lidar: self.pose(&format!("{at}.world_from_lidar"), &json.world_from_lidar)?,
+        })
+    }
+
+    fn camera(&self, at: &str, json: CameraJson, lidar_timestamp: f64) -> Result<CameraRecord> {
+        self.camera_name(&format!("{at}.name"), &json.name)?;
+        self.pinhole(at, &json)?;
+        let file = self.path(&format!("{at}.file"), json.file)?;
+        let mask = json.mask.map(|mask| self.path(&format!("{at}.mask"), mask)).transpose()?;
+        let timestamp = self.timestamp(&format!("{at}.timestamp"), json.timestamp)?;
+        if (timestamp - lidar_timestamp).abs() > MAX_CLOCK_DIFFERENCE {
+            let expected = format!("at most {MAX_CLOCK_DIFFERENCE} s from its frame's LiDAR ({lidar_timestamp})");
+            return self.error(format!("{at}.timestamp"), expected, timestamp.to_string());
+        }
+        for (i, &coefficient) in json.distortion.iter().flatten().enumerate() {
+            self.within(&format!("{at}.distortion[{i}]"), "a finite coefficient", coefficient, f64::MAX)?;
+        }
+        let world_from_camera = self.pose(&format!("{at}.world_from_camera"), &json.world_from_camera)?;
+        let camera = Camera {
+            name: json.name,
+            timestamp,
+            width: json.width,
+            height: json.height,
+            intrinsics: json.intrinsics,
+            distortion: json.distortion.map(Distortion),
+            world_from_camera,
+        };
+        Ok(CameraRecord { file, mask, camera })
+    }
+
+    fn pinhole(&self, at: &str, json: &CameraJson) -> Result<()> {
+        for (key, side) in [("width", json.width), ("height", json.height)] {
+            if side == 0 || side > MAX_IMAGE_SIDE {
+                return self.error(format!("{at}.{key}"), format!("1 to {MAX_IMAGE_SIDE} pixels"), side.to_string());
+            }
+        }
+        let Intrinsics { fx, fy, cx, cy } = json.intrinsics;
+        for (key, focal) in [("fx", fx), ("fy", fy)] {
+            if !FOCAL_RANGE.contains(&focal) {
+                let expected = format!("a focal length of {} to {} pixels", FOCAL_RANGE.start(), FOCAL_RANGE.end());
+                return self.error(format!("{at}.intrinsics.{key}"), expected, focal.to_string());
+            }
+        }
+        for (key, point) in [("cx", cx), ("cy", cy)] {
+            let expected = format!("a principal point within {MAX_PRINCIPAL_POINT} pixels");
+            self.within(&format!("{at}.intrinsics.{key}"), &expected, point, MAX_PRINCIPAL_POINT)?;
+        }
+        Ok(())
+    }
+
+    fn boxes(&self, at: &str, boxes: Vec<BoxJson>) -> Result<Vec<TrackedBox>> {
+        let mut tracks = BTreeSet::new();
+        let mut checked = Vec::with_capacity(boxes.len());
+        for (i, json) in boxes.into_iter().enumerate() {
+            let at = format!("{at}.boxes[{i}]");
+            if !tracks.insert(json.track.clone()) {
+                let found = format!("`{}` twice", json.track);
+                return self.error(format!("{at}.track"), "a track that occurs once in a frame", found);
+            }
+            for (axis, &edge) in json.size.iter().enumerate() {
+                if !(edge > 0.0 && edge <= MAX_BOX_EDGE) {
+                    let expected = format!("a positive length of at most {MAX_BOX_EDGE} m");
+                    return self.error(format!("{at}.size[{axis}]"), expected, edge.to_string());
+                }
+            }
+            let world_from_box = self.pose(&format!("{at}.world_from_box"), &json.world_from_box)?;
+            checked.push(TrackedBox { track: json.track, category: json.category, size: json.size, world_from_box });
+        }
+        Ok(checked)
+    }
+
+    fn within(&self, field: &str, expected: &str, value: f64, limit: f64) -> Result<f64> {
+        if value.abs() <= limit { Ok(value) } else { self.error(field, expected, value.to_string()) }
+    }
+
+    fn timestamp(&self, field: &str, seconds: f64) -> Result<f64> {
+        self.within(field, &format!("finite seconds within {MAX_TIMESTAMP}"), seconds, MAX_TIMESTAMP)
+    }
+
+    fn pose(&self, field: &str, rows: &Rows) -> Result<Pose> {
+        let pose = Pose::from_rows(rows).or_else(|found| self.error(field, "a rigid 4x4 pose", found))?;
+        for (row, value) in pose.translation().to_array().into_iter().enumerate() {
+            let expected = format!("a translation within {MAX_TRANSLATION} m");
+            self.within(&format!("{field}[{row}][3]"), &expected, value, MAX_TRANSLATION)?;
+        }
+        Ok(pose)
+    }
+
+    fn path(&self, field: &str, path: PathBuf) -> Result<PathBuf> {
+        let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
+        let printable = path.to_str().is_some_and(|text| !text.chars().any(char::is_control));
+        if printable && path.components().all(inside) && path.file_name().is_some() {
+            return Ok(path);
+        }
+        self.error(field, "a relative path within the clip directory, without `..`", format!("`{}`", path.display()))
+    }
+
+    fn camera_name(&self, field: &str, name: &str) -> Result<()> {
+        let length = 1..=MAX_CAMERA_NAME;
+        let harmless = |c: char| !c.is_control() && !"/\\,".contains(c);
+        if length.contains(&name.len()) && !name.starts_with('.') && name.chars().all(harmless) {
+            return Ok(());
+        }
+        let expected = format!("1 to {MAX_CAMERA_NAME} bytes that can be part of a file's name, without `,`");
+        self.error(field, expected, format!("{name:?}"))
+    }
+}

@@ -1,0 +1,162 @@
+//! The text of `clip.json`: the mirror that serde reads and writes, and its way to and from [`Clip`].
+
+mod check;
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    camera::Intrinsics,
+    clip::{CLIP_FORMAT, CameraRecord, Clip, Frame, TrackedBox},
+    error::{FormatError, Result},
+};
+use check::Checker;
+
+type Rows = [[f64; 4]; 4];
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ClipJson {
+    format: String,
+    name: String,
+    source: String,
+    licence: String,
+    frames: Vec<FrameJson>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameJson {
+    lidar: LidarJson,
+    cameras: Vec<CameraJson>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    boxes: Option<Vec<BoxJson>>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LidarJson {
+    file: PathBuf,
+    timestamp: f64,
+    world_from_lidar: Rows,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraJson {
+    name: String,
+    file: PathBuf,
+    timestamp: f64,
+    width: u32,
+    height: u32,
+    intrinsics: Intrinsics,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    distortion: Option<[f64; 5]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mask: Option<PathBuf>,
+    world_from_camera: Rows,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoxJson {
+    track: String,
+    category: String,
+    size: [f64; 3],
+    world_from_box: Rows,
+}
+
+/// The clip that the text of a `clip.json` describes; `file` is what errors name.
+///
+/// # Errors
+/// Text that is no JSON, keys or types that the format does not know, values out of range, each by its field.
+pub(crate) fn parse(file: &Path, text: &[u8]) -> Result<Clip> {
+    let mut deserializer = serde_json::Deserializer::from_slice(text);
+    let json: ClipJson = serde_path_to_error::deserialize(&mut deserializer)
+        .map_err(|e| wrong_format(file, text).unwrap_or_else(|| syntax_error(file, text, &e)))?;
+    deserializer.end().map_err(|e| line_error(file, text, "end of file", &e))?;
+    Checker::new(file).clip(json)
+}
+
+/// The text of the `clip.json` of a clip, which [`parse`] reads back to the same bits.
+///
+/// # Errors
+/// A clip that [`parse`] would refuse.
+pub(crate) fn to_text(file: &Path, clip: &Clip) -> Result<Vec<u8>> {
+    Checker::new(file).clip(mirror(clip))?;
+    let mut text =
+        serde_json::to_vec_pretty(&mirror(clip)).map_err(|e| FormatError::syntax(file, "clip", e.to_string()))?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// The error of another format's `clip.json`, whose keys need not be looked at.
+fn wrong_format(file: &Path, text: &[u8]) -> Option<FormatError> {
+    #[derive(Deserialize)]
+    struct FormatOnly {
+        format: String,
+    }
+    let FormatOnly { format } = serde_json::from_slice(text).ok()?;
+    (format != CLIP_FORMAT).then(|| format_error(file, &format))
+}
+
+fn format_error(file: &Path, found: &str) -> FormatError {
+    FormatError::invalid(file, "format", format!("`{CLIP_FORMAT}`"), format!("`{found}`"))
+}
+
+fn syntax_error(file: &Path, text: &[u8], error: &serde_path_to_error::Error<serde_json::Error>) -> FormatError {
+    let path = error.path().to_string();
+    line_error(file, text, if path == "." { "top level" } else { &path }, error.inner())
+}
+
+/// The error with the place in words, and with the text at that place where the parser only says that it is wrong.
+fn line_error(file: &Path, text: &[u8], path: &str, error: &serde_json::Error) -> FormatError {
+    let (line, column) = (error.line(), error.column());
+    let sentence = error.to_string();
+    let mut message = sentence.trim_end_matches(&format!(" at line {line} column {column}")).to_owned();
+    if error.is_syntax() {
+        let tail = text.split(|&b| b == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
+        let tail = tail.get(column.saturating_sub(1)..).unwrap_or_default();
+        let end = tail.iter().position(|b| b" ,]}\r".contains(b)).unwrap_or(tail.len()).min(20);
+        message.push_str(&format!(", found `{}`", String::from_utf8_lossy(&tail[..end])));
+    }
+    FormatError::syntax(file, format!("{path} (line {line})"), message)
+}
+
+/// The mirror of a clip.
+fn mirror(clip: &Clip) -> ClipJson {
+    let camera = |record: &CameraRecord| CameraJson {
+        name: record.camera.name.clone(),
+        file: record.file.clone(),
+        timestamp: record.camera.timestamp,
+        width: record.camera.width,
+        height: record.camera.height,
+        intrinsics: record.camera.intrinsics,
+        distortion: record.camera.distortion.map(|d| d.0),
+        mask: record.mask.clone(),
+        world_from_camera: record.camera.world_from_camera.rows(),
+    };
+    let tracked_box = |b: &TrackedBox| BoxJson {
+        track: b.track.clone(),
+        category: b.category.clone(),
+        size: b.size,
+        world_from_box: b.world_from_box.rows(),
+    };
+    let frame = |frame: &Frame| FrameJson {
+        lidar: LidarJson {
+            file: frame.lidar.file.clone(),
+            timestamp: frame.lidar.timestamp,
+            world_from_lidar: frame.lidar.world_from_lidar.rows(),
+        },
+        cameras: frame.cameras.iter().map(camera).collect(),
+        boxes: frame.boxes.as_ref().map(|boxes| boxes.iter().map(tracked_box).collect()),
+    };
+    ClipJson {
+        format: CLIP_FORMAT.to_owned(),
+        name: clip.name.clone(),
+        source: clip.source.clone(),
+        licence: clip.licence.clone(),
+        frames: clip.frames.iter().map(frame).collect(),
+    }
+}

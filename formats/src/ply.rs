@@ -1,1 +1,0 @@
-//! Splat clouds as PLY files.

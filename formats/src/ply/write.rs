@@ -1,0 +1,88 @@
+//! Splat clouds to PLY files.
+
+use std::path::Path;
+
+use super::{fixed_names, header::MAX_HEADER_BYTES, is_extra};
+use crate::{
+    cloud::SplatCloud,
+    error::{FormatError, Result},
+    write::write_atomic,
+};
+
+/// Nothing: writes the cloud in the layout of [`crate::ply`], so that [`crate::ply::read_ply`] gives it back bit for bit.
+///
+/// # Errors
+/// Columns of different lengths, a value that is not finite, an extra column whose name is taken or is not one word
+/// of printable ASCII, and a path that cannot be written to.
+pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
+    write_atomic(path, &to_bytes(path, cloud)?)
+}
+
+/// The bytes of the file; `path` is what errors name.
+pub(super) fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
+    check_lengths(path, cloud)?;
+    check_extra_names(path, cloud)?;
+    let extra_names = cloud.extra.iter().map(|(name, _)| name.as_str());
+    let names: Vec<&str> = fixed_names().map(|name| -> &str { name }).chain(extra_names).collect();
+    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", cloud.len()).into_bytes();
+    for name in &names {
+        bytes.extend_from_slice(format!("property float {name}\n").as_bytes());
+    }
+    bytes.extend_from_slice(b"end_header\n");
+    if bytes.len() > MAX_HEADER_BYTES {
+        let found = format!("{} of {} bytes", cloud.extra.len(), bytes.len());
+        return Err(FormatError::invalid(path, "extra", format!("names of {MAX_HEADER_BYTES} bytes in all"), found));
+    }
+    bytes.reserve_exact(cloud.len() * names.len() * size_of::<f32>());
+    for index in 0..cloud.len() {
+        let values = record(cloud, index).into_iter().chain(cloud.extra.iter().map(|(_, column)| column[index]));
+        for (name, value) in names.iter().zip(values) {
+            if !value.is_finite() {
+                let field = format!("vertex {index} {name}");
+                return Err(FormatError::invalid(path, field, "a finite f32", value.to_string()));
+            }
+            bytes.extend_from_slice(&value.to_le_bytes());
+        }
+    }
+    Ok(bytes)
+}
+
+/// The values of one splat in the order of [`fixed_names`].
+fn record(cloud: &SplatCloud, index: usize) -> [f32; 21] {
+    let ([x, y, z], [sx, sy, sz]) = (cloud.means[index], cloud.log_scales[index]);
+    let ([w, i, j, k], [r, g, b]) = (cloud.quats[index], cloud.sh_dc[index]);
+    let ([vx, vy, vz], t) = (cloud.velocities[index], cloud.times[index]);
+    let opacity = cloud.logit_opacities[index];
+    [x, y, z, 0.0, 0.0, 0.0, r, g, b, opacity, sx, sy, sz, w, i, j, k, vx, vy, vz, t]
+}
+
+fn check_lengths(path: &Path, cloud: &SplatCloud) -> Result<()> {
+    let fixed = [
+        ("log_scales", cloud.log_scales.len()),
+        ("quats", cloud.quats.len()),
+        ("logit_opacities", cloud.logit_opacities.len()),
+        ("sh_dc", cloud.sh_dc.len()),
+        ("velocities", cloud.velocities.len()),
+        ("times", cloud.times.len()),
+    ];
+    let extra = cloud.extra.iter().map(|(name, column)| (name.as_str(), column.len()));
+    match fixed.into_iter().chain(extra).find(|&(_, length)| length != cloud.len()) {
+        None => Ok(()),
+        Some((name, length)) => {
+            let expected = format!("{} values as means", cloud.len());
+            Err(FormatError::invalid(path, name, expected, length.to_string()))
+        }
+    }
+}
+
+fn check_extra_names(path: &Path, cloud: &SplatCloud) -> Result<()> {
+    for (index, (name, _)) in cloud.extra.iter().enumerate() {
+        let is_word = !name.is_empty() && name.len() <= 100 && name.bytes().all(|b| b.is_ascii_graphic());
+        let is_taken = !is_extra(name) || cloud.extra[..index].iter().any(|(other, _)| other == name);
+        if !is_word || is_taken {
+            let expected = "a free name of one word of at most 100 ASCII characters";
+            return Err(FormatError::invalid(path, format!("extra[{index}]"), expected, format!("{name:?}")));
+        }
+    }
+    Ok(())
+}
