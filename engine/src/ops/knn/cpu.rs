@@ -1,0 +1,271 @@
+//! The search: one descent for the points of a leaf together.
+//!
+//! A vector of f32 sorts out what is surely too far; what is left is compared in f64, by (squared distance, index). Nodes are cut off by
+//! the same pair, so that a million points on one spot cost no more than any others, and by group, so that a region seen at one time
+//! only is skipped at once.
+
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::NO_NEIGHBOUR;
+use super::tree::{LEAF, Leaf, Node, Tree};
+
+/// A neighbour found: squared distance, index. Nothing found yet: infinity, [`NO_NEIGHBOUR`].
+type Found = (f64, u32);
+
+const NOTHING: Found = (f64::INFINITY, NO_NEIGHBOUR);
+
+/// `[N, k]` indices of the nearest points of other groups.
+pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> {
+    if k == 0 || points.is_empty() {
+        return Vec::new();
+    }
+    let tree = Tree::new(points, groups);
+    let mut by_place = vec![NO_NEIGHBOUR; tree.leaves.len() * LEAF * k];
+    let arch = pulp::Arch::new();
+    by_place.par_chunks_mut(LEAF * k).enumerate().for_each_init(
+        || Batch::new(k),
+        |batch, (leaf, out)| arch.dispatch(SearchLeaf { tree: &tree, batch, leaf, out }),
+    );
+    let mut indices = vec![0; points.len() * k];
+    indices.par_chunks_mut(k).zip(&tree.place_of).with_min_len(4096).for_each(|(row, &place)| {
+        row.copy_from_slice(&by_place[place as usize * k..][..k]);
+    });
+    indices
+}
+
+/// What has been found for the points of one leaf.
+#[derive(Debug)]
+struct Batch {
+    k: usize,
+    /// `[LEAF, k]` nearest first.
+    found: Vec<Found>,
+    /// The k-th of every point; what is not below it is of no use.
+    last: [Found; LEAF],
+    /// f32 squared distances above this are surely above the k-th; negative for a slot without a point.
+    limits: [f32; LEAF],
+    /// The largest of `last`.
+    worst: Found,
+    /// Nodes to visit and what their points can reach at best.
+    stack: Vec<(u32, Found)>,
+}
+
+impl Batch {
+    fn new(k: usize) -> Self {
+        Self {
+            k,
+            found: vec![NOTHING; LEAF * k],
+            last: [NOTHING; LEAF],
+            limits: [0.0; LEAF],
+            worst: NOTHING,
+            stack: Vec::new(),
+        }
+    }
+
+    fn start(&mut self, leaf: &Leaf) {
+        self.found.fill(NOTHING);
+        for slot in 0..LEAF {
+            let present = leaf.indices[slot] != NO_NEIGHBOUR;
+            self.last[slot] = if present { NOTHING } else { (-1.0, 0) };
+            self.limits[slot] = if present { f32::INFINITY } else { -1.0 };
+        }
+        self.worst = NOTHING;
+        self.stack.clear();
+    }
+
+    /// Inserts a candidate that comes before the k-th.
+    #[inline(always)]
+    fn insert(&mut self, slot: usize, candidate: Found) {
+        let found = &mut self.found[slot * self.k..(slot + 1) * self.k];
+        let mut place = found.len() - 1;
+        while place > 0 && candidate < found[place - 1] {
+            found[place] = found[place - 1];
+            place -= 1;
+        }
+        found[place] = candidate;
+        self.last[slot] = found[self.k - 1];
+        self.limits[slot] = limit(self.last[slot].0);
+    }
+
+    fn update_worst(&mut self) {
+        self.worst = self.last.iter().fold((-1.0, 0), |worst, &last| if last > worst { last } else { worst });
+    }
+}
+
+/// An f32 squared distance above this belongs to an f64 squared distance above `squared`.
+///
+/// Rounding changes the difference of two f32 by 2^-24 of itself, the sum of the squares by less than 5e-7 of itself or, where squares
+/// underflow, by less than 1e-37.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounded; the margin covers it")]
+fn limit(squared: f64) -> f32 {
+    squared as f32 * 1.000_001 + 1e-37
+}
+
+struct SearchLeaf<'a> {
+    tree: &'a Tree,
+    batch: &'a mut Batch,
+    leaf: usize,
+    out: &'a mut [u32],
+}
+
+impl WithSimd for SearchLeaf<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { tree, batch, leaf, out } = self;
+        let queries = &tree.leaves[leaf];
+        batch.start(queries);
+        let area = Area::of(queries);
+        batch.stack.push((0, (0.0, 0)));
+        while let Some((index, best)) = batch.stack.pop() {
+            let node = &tree.nodes[index as usize];
+            if best > batch.worst || (node.groups[0] == node.groups[1] && area.groups == node.groups) {
+                continue;
+            }
+            if node.right == 0 {
+                scan(simd, batch, queries, node, &tree.leaves[node.leaf as usize]);
+                continue;
+            }
+            let [left, right] = [index + 1, node.right].map(|child| {
+                let node = &tree.nodes[child as usize];
+                (area.centre_distance(node), (child, (area.distance(node), node.first_index)))
+            });
+            // The nearer child goes on top; where both are as near, the one with the smaller indices.
+            let left_first = (left.0, left.1.1.1) < (right.0, right.1.1.1);
+            let (near, far) = if left_first { (left.1, right.1) } else { (right.1, left.1) };
+            batch.stack.extend([far, near].into_iter().filter(|(_, best)| *best <= batch.worst));
+        }
+        for (out, found) in out.iter_mut().zip(&batch.found) {
+            *out = found.1;
+        }
+    }
+}
+
+/// Where the points of a batch lie.
+#[derive(Debug)]
+struct Area {
+    low: [f64; 3],
+    high: [f64; 3],
+    groups: [u32; 2],
+}
+
+impl Area {
+    fn of(leaf: &Leaf) -> Self {
+        let count = leaf.indices.iter().position(|&i| i == NO_NEIGHBOUR).unwrap_or(LEAF);
+        let bound = |axis: usize, pick: fn(f64, f64) -> f64| {
+            leaf.columns[axis][..count].iter().map(|&c| f64::from(c)).reduce(pick).unwrap_or(0.0)
+        };
+        let groups = &leaf.groups[..count];
+        Self {
+            low: [0, 1, 2].map(|axis| bound(axis, f64::min)),
+            high: [0, 1, 2].map(|axis| bound(axis, f64::max)),
+            groups: [groups.iter().copied().min().unwrap_or(0), groups.iter().copied().max().unwrap_or(0)],
+        }
+    }
+
+    /// No point of the area is nearer to a point of the node: the steps round the same way as those of the distance.
+    #[inline(always)]
+    fn distance(&self, node: &Node) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let (low, high) = (f64::from(node.low[axis]), f64::from(node.high[axis]));
+            (low - self.high[axis]).max(self.low[axis] - high).max(0.0)
+        });
+        (x * x + y * y) + z * z
+    }
+
+    /// Squared distance of the area's centre to the node's box: what decides the order of the visits.
+    #[inline(always)]
+    fn centre_distance(&self, node: &Node) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let centre = (self.low[axis] + self.high[axis]) * 0.5;
+            (f64::from(node.low[axis]) - centre).max(centre - f64::from(node.high[axis])).max(0.0)
+        });
+        (x * x + y * y) + z * z
+    }
+}
+
+/// Looks through the points of one leaf for every query that they can serve.
+#[inline(always)]
+fn scan<S: Simd>(simd: S, batch: &mut Batch, queries: &Leaf, node: &Node, candidates: &Leaf) {
+    let single_group = node.groups[0] == node.groups[1];
+    let mut changed = false;
+    for first in (0..LEAF).step_by(S::F32_LANES) {
+        let mut near = bits::<S>(queries_in_reach(simd, batch, queries, node, first));
+        while near != 0 {
+            let slot = first + near.trailing_zeros() as usize;
+            near &= near - 1;
+            if !(single_group && queries.groups[slot] == node.groups[0]) {
+                changed |= scan_for(simd, batch, queries, slot, candidates);
+            }
+        }
+    }
+    if changed {
+        batch.update_worst();
+    }
+}
+
+/// The queries, from slot `first` on, whose limit reaches the node's box.
+#[inline(always)]
+fn queries_in_reach<S: Simd>(simd: S, batch: &Batch, queries: &Leaf, node: &Node, first: usize) -> S::m32s {
+    let zero = simd.splat_f32s(0.0);
+    let mut sum = zero;
+    for axis in 0..3 {
+        let query = vector::<S>(&queries.columns[axis], first);
+        let below = simd.sub_f32s(simd.splat_f32s(node.low[axis]), query);
+        let above = simd.sub_f32s(query, simd.splat_f32s(node.high[axis]));
+        let outside = simd.max_f32s(simd.max_f32s(below, above), zero);
+        sum = simd.mul_add_f32s(outside, outside, sum);
+    }
+    simd.less_than_or_equal_f32s(sum, vector::<S>(&batch.limits, first))
+}
+
+/// Looks through a leaf for one query; whether anything was found.
+#[inline(always)]
+fn scan_for<S: Simd>(simd: S, batch: &mut Batch, queries: &Leaf, slot: usize, candidates: &Leaf) -> bool {
+    let query = [0, 1, 2].map(|axis| queries.columns[axis][slot]);
+    let own = simd.splat_u32s(queries.groups[slot]);
+    let mut changed = false;
+    for first in (0..LEAF).step_by(S::F32_LANES) {
+        let mut sum = simd.splat_f32s(0.0);
+        for (column, query) in candidates.columns.iter().zip(query) {
+            let d = simd.sub_f32s(vector::<S>(column, first), simd.splat_f32s(query));
+            sum = simd.mul_add_f32s(d, d, sum);
+        }
+        let groups = S::as_simd_u32s(&candidates.groups).0[first / S::F32_LANES];
+        let mut near = bits::<S>(simd.and_m32s(
+            simd.less_than_or_equal_f32s(sum, simd.splat_f32s(batch.limits[slot])),
+            simd.not_m32s(simd.equal_u32s(groups, own)),
+        ));
+        while near != 0 {
+            let place = first + near.trailing_zeros() as usize;
+            near &= near - 1;
+            let point = [0, 1, 2].map(|axis| candidates.columns[axis][place]);
+            let candidate = (super::squared_distance(&point, &query), candidates.indices[place]);
+            if candidate < batch.last[slot] {
+                batch.insert(slot, candidate);
+                changed = true;
+            }
+        }
+    }
+    changed
+}
+
+/// One bit per lane of a mask, the first lane lowest. (`first_true_m32s` of pulp 0.22.3 counts from the wrong end on AVX-512.)
+#[inline(always)]
+fn bits<S: Simd>(mask: S::m32s) -> u32 {
+    let bytes = bytemuck::bytes_of(&mask);
+    match *bytes {
+        [byte] => u32::from(byte),
+        [low, high] => u32::from(u16::from_le_bytes([low, high])),
+        _ => {
+            (bytes.as_chunks::<4>().0.iter().enumerate()).fold(0, |all, (lane, m)| all | (u32::from(m[0] & 1) << lane))
+        }
+    }
+}
+
+#[inline(always)]
+fn vector<S: Simd>(values: &[f32; LEAF], first: usize) -> S::f32s {
+    S::as_simd_f32s(values).0[first / S::F32_LANES]
+}

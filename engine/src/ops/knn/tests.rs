@@ -1,0 +1,80 @@
+//! Against the slow twin, and at the edges.
+
+use proptest::prelude::*;
+
+use super::{NO_NEIGHBOUR, nearest, nearest_other_time, reference};
+
+fn assert_equal(points: &[[f32; 3]], groups: &[u32], k: usize) {
+    let got = nearest_other_time(points, groups, k).unwrap();
+    let want = reference::nearest_of_other_groups(points, groups, k);
+    for (i, (got, want)) in got.indices.chunks(k).zip(want.chunks(k)).enumerate() {
+        assert_eq!(got, want, "point {i} of {}, k {k}", points.len());
+    }
+    assert_eq!(got.indices.len(), want.len());
+}
+
+proptest! {
+    #[test]
+    fn equals_the_twin(
+        points in prop::collection::vec(([-40i16..40, -40i16..40, -4i16..4], 0u32..3), 0..300),
+        scale in prop::sample::select(vec![1e-30_f32, 0.37, 1e25]),
+        k in 1usize..12,
+    ) {
+        // Integer positions: many coincident points and equal distances.
+        let positions: Vec<[f32; 3]> = points.iter().map(|(p, _)| p.map(|c| f32::from(c) * scale)).collect();
+        let groups: Vec<u32> = points.iter().map(|(_, g)| *g).collect();
+        assert_equal(&positions, &groups, k);
+        let own: Vec<u32> = (0..).take(positions.len()).collect();
+        prop_assert_eq!(
+            nearest(&positions, k).unwrap().indices,
+            reference::nearest_of_other_groups(&positions, &own, k)
+        );
+    }
+}
+
+#[test]
+fn none_one_and_fewer_than_k() {
+    assert!(nearest(&[], 8).unwrap().indices.is_empty());
+    assert_eq!(nearest(&[[1.0; 3]], 2).unwrap().indices, [NO_NEIGHBOUR; 2]);
+    assert_eq!(nearest_other_time(&[[1.0; 3]; 5], &[3; 5], 1).unwrap().indices, [NO_NEIGHBOUR; 5]);
+    let three = nearest(&[[0.0; 3], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]], 4).unwrap();
+    assert_eq!(three.indices[4..8], [2, 0, NO_NEIGHBOUR, NO_NEIGHBOUR]);
+    assert_eq!(three.of(1), [2, 0]);
+    assert!(nearest(&[[1.0; 3]; 3], 0).unwrap().indices.is_empty());
+}
+
+#[test]
+fn refuses_what_is_not_finite_and_wrong_lengths() {
+    let error = nearest(&[[0.0; 3], [0.0, f32::NAN, 0.0]], 1).unwrap_err();
+    assert!(error.to_string().contains("point 1, y"), "{error}");
+    assert!(nearest_other_time(&[[0.0, 0.0, f32::INFINITY]], &[0], 1).is_err());
+    assert!(nearest_other_time(&[[0.0; 3]; 2], &[0], 1).is_err());
+}
+
+#[test]
+fn many_coincident_points_by_index() {
+    let n: u32 = 50_000;
+    let points = vec![[3.5, -1.0, 0.25]; n as usize];
+    let mixed: Vec<u32> = (0..n).map(|i| i % 3).collect();
+    let found = nearest_other_time(&points, &mixed, 4).unwrap();
+    assert_eq!(found.of(0), [1, 2, 4, 5]);
+    assert_eq!(found.of(49_999), [0, 2, 3, 5]);
+    let blocks: Vec<u32> = (0..n).map(|i| i / 20_000).collect();
+    let found = nearest_other_time(&points, &blocks, 3).unwrap();
+    assert_eq!(found.of(7), [20_000, 20_001, 20_002]);
+    assert_eq!(found.of(30_000), [0, 1, 2]);
+    assert_eq!(nearest(&points, 3).unwrap().of(1), [0, 2, 3]);
+}
+
+#[test]
+fn same_bits_on_any_number_of_threads() {
+    let points: Vec<[f32; 3]> = (0..40_000_u32)
+        .map(|i| [0.754_877_7_f32, 0.569_840_3, 0.219_51].map(|a| (i as f32 * a).fract() * 30.0))
+        .collect();
+    let groups: Vec<u32> = (0..40_000).map(|i| i % 5).collect();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| nearest_other_time(&points, &groups, 8).unwrap())
+    };
+    assert_eq!(on(1), on(3));
+}
