@@ -16,6 +16,8 @@ pub mod gaussians;
 
 pub mod network;
 
+pub mod predict;
+
 pub mod densify;
 
 pub mod render;

@@ -14,7 +14,8 @@ use candle_nn::VarBuilder;
 
 use super::buffers::Buffers;
 use super::linear::{Linear, PackedLinear, Start};
-use crate::ops::neighbour_mean::{NO_NEIGHBOUR, neighbour_mean, neighbour_mean_into};
+use crate::ops::knn::NO_NEIGHBOUR;
+use crate::ops::neighbour_mean::{neighbour_mean, neighbour_mean_into};
 use crate::ops::sparse_conv::KernelMap;
 
 /// The trainable query.

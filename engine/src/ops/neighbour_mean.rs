@@ -5,8 +5,7 @@ use std::sync::Arc;
 use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
 use rayon::prelude::*;
 
-/// Marks a neighbour that does not exist.
-pub const NO_NEIGHBOUR: u32 = u32::MAX;
+use super::knn::NO_NEIGHBOUR;
 
 /// Mean over the existing neighbours of every row; zeros where there is none.
 ///

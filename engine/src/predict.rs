@@ -1,0 +1,108 @@
+//! The first prediction: features of every primitive, the exchange between timestamps, residuals and velocities.
+
+use std::collections::BTreeMap;
+
+use crate::error::Result;
+use crate::gaussians::{GaussianSet, MEAN};
+use crate::network::buffers::Buffers;
+use crate::network::levels::{Levels, voxels_of};
+use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
+use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
+use crate::network::pass::gather;
+use crate::ops::knn::nearest_other_time;
+
+/// Features of the `LiDAR` branch, and what the next stages need beside them.
+#[derive(Debug)]
+pub struct Features {
+    /// `[N, width]` decoder features; after [`query`] the fused ones.
+    pub rows: Vec<f32>,
+    /// Voxels of the branch, for the voxel density.
+    pub levels: Levels,
+    /// Buffers that the stages share.
+    pub buffers: Buffers,
+}
+
+/// Why the query did not run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QuerySkipped {
+    /// The setting says so.
+    Off,
+    /// The model has none.
+    NotInModel,
+    /// All primitives are of one timestamp: there is nobody to ask.
+    SingleTimestamp,
+}
+
+fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
+    chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
+}
+
+/// Decoder features of the `LiDAR` branch.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let voxels = voxels_of(positions(set, &chosen), model.config.voxel_size)?;
+    let levels = Levels::new(&voxels, model.config.unet.num_levels())?;
+    let mut buffers = Buffers::default();
+    let sites = model.initial.site_features(&initial_rows(set, &chosen), INITIAL_INPUTS, &levels, &mut buffers);
+    let rows = gather(&sites, &levels, &mut buffers);
+    buffers.give(sites);
+    Ok(Features { rows, levels, buffers })
+}
+
+/// Lets every primitive ask its nearest of other timestamps; says why where it does not.
+///
+/// # Errors
+/// When a position is not finite.
+pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<QuerySkipped>> {
+    let (Some(query), Some(config)) = (&model.query, &model.config.query) else {
+        return Ok(Some(QuerySkipped::NotInModel));
+    };
+    let mut index_of = BTreeMap::new();
+    let times: Vec<u32> = set.times[..set.num_lidar]
+        .iter()
+        .map(|time| {
+            let next = index_of.len();
+            *index_of.entry(time.to_bits()).or_insert(next)
+        })
+        .map(|index| u32::try_from(index).unwrap_or(u32::MAX))
+        .collect();
+    if index_of.len() < 2 {
+        return Ok(Some(QuerySkipped::SingleTimestamp));
+    }
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let points: Vec<[f32; 3]> = positions(set, &chosen).collect();
+    let neighbours = nearest_other_time(&points, &times, config.neighbours)?;
+    let fused = query.forward(&features.rows, &neighbours.indices, config.neighbours, &mut features.buffers);
+    let plain = std::mem::replace(&mut features.rows, fused);
+    features.buffers.give(plain);
+    Ok(None)
+}
+
+/// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedModel) -> Result<()> {
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let outputs = model.initial.heads(&features.rows, chosen.len(), &mut features.buffers);
+    add_residuals(set, &chosen, &outputs, model.initial.num_outputs());
+    features.buffers.give(outputs);
+    let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
+    if chosen.is_empty() {
+        return Ok(());
+    }
+    let voxels = voxels_of(positions(set, &chosen), model.config.background_voxel_size)?;
+    let levels = Levels::new(&voxels, model.config.background_unet.num_levels())?;
+    let (pass, rows) = (&model.background_initial, initial_rows(set, &chosen));
+    let buffers = &mut features.buffers;
+    let sites = pass.site_features(&rows, BACKGROUND_INITIAL_INPUTS, &levels, buffers);
+    let outputs = pass.heads(&sites, levels.sites.len(), buffers);
+    let by_point = gather(&outputs, &levels, buffers);
+    add_residuals(set, &chosen, &by_point, pass.num_outputs());
+    [sites, outputs, by_point].into_iter().for_each(|buffer| buffers.give(buffer));
+    Ok(())
+}
