@@ -38,6 +38,12 @@ pub enum EngineError {
         /// The value.
         found: f32,
     },
+    /// Something held out came where only inputs may be; a fault of this program, not of the clip.
+    #[error("frame {frame} is held out, yet it was about to reach the reconstruction")]
+    Leak {
+        /// Index of the frame in the clip.
+        frame: usize,
+    },
     /// A tensor operation failed.
     #[error("tensor operation failed: {0}")]
     Tensor(#[from] candle_core::Error),

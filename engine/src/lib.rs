@@ -2,7 +2,10 @@
 //!
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
+pub mod allocator;
 pub mod error;
+pub mod threads;
+
 pub mod views;
 
 pub mod points;
@@ -14,3 +17,9 @@ pub mod render;
 pub mod loss;
 
 pub mod evaluate;
+
+pub mod export;
+
+pub mod pipeline;
+
+pub mod report;

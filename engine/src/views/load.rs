@@ -3,16 +3,18 @@
 use lgs_formats::clip_dir::ClipDir;
 use rayon::prelude::*;
 
-use super::{ClipFrame, DepthSample, PinholeView, Selection, View, selection::SelectedImage};
+use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, selection::SelectedImage};
 use crate::error::{EngineError, Result};
 
-/// The selected views: frame by frame, cameras in the clip's order; `progress` is called once per view.
+/// The selected views of one role: frame by frame, cameras in the clip's order; `progress` is called once per view. No
+/// file of a frame of the other role is opened.
 ///
 /// # Errors
 /// Those of [`Selection::frames`], a camera that the clip does not have, and whatever is wrong with a file.
 pub fn load_views(
     dir: &ClipDir,
     selection: &Selection,
+    role: Role,
     frame: &ClipFrame,
     progress: &(dyn Fn() + Sync),
 ) -> Result<Vec<View>> {
@@ -22,7 +24,7 @@ pub fn load_views(
         progress();
         view
     };
-    images.par_iter().map(load).collect()
+    images.par_iter().filter(|image| image.role == role).map(load).collect()
 }
 
 fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame: &ClipFrame) -> Result<View> {

@@ -65,6 +65,15 @@ impl Selection {
         Ok(SelectedFrames { input, held_out: held_out.into_iter().collect() })
     }
 
+    /// The number of images of one role that the selection holds.
+    ///
+    /// # Errors
+    /// As [`Selection::frames`]; [`EngineError::Setting`] for a camera that no selected frame has or that is named twice,
+    /// and for a selection without any input image.
+    pub fn num_images(&self, clip: &Clip, role: Role) -> Result<usize> {
+        Ok(self.images(clip)?.iter().filter(|image| image.role == role).count())
+    }
+
     /// The images to load: frame by frame, cameras in the clip's order.
     ///
     /// # Errors

@@ -1,0 +1,62 @@
+//! The process's memory: an allocator that keeps its pages, and the peak of what was resident.
+
+/// Bytes that the allocator asks the system for beyond what it needs, whenever it needs more.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const TOP_PAD_BYTES: libc::c_int = 256 << 20;
+
+/// Tells glibc's allocator to keep freed pages, for the first line of a binary's `main`. Elsewhere nothing happens.
+///
+/// Tensor operations free and allocate the same large buffers again and again. By default each is a fresh mapping whose
+/// pages fault in one by one, which costs more than the arithmetic on them. The price is that resident memory stays at
+/// its peak until the process ends.
+pub fn keep_pages() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    for (option, value) in
+        [(libc::M_MMAP_MAX, 0), (libc::M_TRIM_THRESHOLD, libc::c_int::MAX), (libc::M_TOP_PAD, TOP_PAD_BYTES)]
+    {
+        set_option(option, value);
+    }
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[expect(unsafe_code, reason = "mallopt has no safe binding")]
+fn set_option(option: libc::c_int, value: libc::c_int) {
+    // SAFETY: mallopt takes two integers, keeps no pointer, takes the allocator's own lock, and refuses what it does not
+    // know by returning 0, which leaves the default in place: slower, not wrong.
+    unsafe {
+        libc::mallopt(option, value);
+    }
+}
+
+/// The largest resident memory of this process so far, in megabytes (10^6 bytes); `None` where the system does not say.
+pub fn peak_rss_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    peak_from_status(&status)
+}
+
+fn peak_from_status(status: &str) -> Option<f64> {
+    let kibibytes: f64 =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024.0 / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::peak_from_status;
+
+    #[test]
+    fn the_peak_is_read_in_kibibytes_and_given_in_megabytes() {
+        let status = "Name:\tlgs\nVmPeak:\t  900000 kB\nVmHWM:\t  125000 kB\nVmRSS:\t  1000 kB\n";
+        assert_eq!(peak_from_status(status), Some(128.0));
+        assert_eq!(peak_from_status("Name:\tlgs\n"), None);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_peak_grows_by_what_is_touched() {
+        let before = super::peak_rss_mb().unwrap();
+        let touched = std::hint::black_box(vec![1_u8; 200_000_000]);
+        let after = super::peak_rss_mb().unwrap();
+        assert!(after >= 200.0 && after >= before, "before {before} MB, after {after} MB, touched {}", touched.len());
+    }
+}

@@ -1,0 +1,192 @@
+//! A run: clip in, files out.
+
+use std::{path::Path, time::Instant};
+
+use anyhow::{Context, Result};
+use lgs_engine::{
+    allocator,
+    evaluate::lpips::Lpips,
+    export::to_cloud,
+    gaussians::{GaussianSet, physical::to_physical},
+    pipeline::{Figures, HoldOut, Inputs, RenderedView, Stage, Watch, evaluate_views, reconstruct},
+    report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
+    threads,
+    views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
+};
+use lgs_formats::clip_dir::ClipDir;
+use sha2::{Digest, Sha256};
+
+use crate::{
+    args::{Args, ViewsArg, word},
+    output::{Output, ViewPictures, output_dir, pictures_of, report_width},
+    progress::Bars,
+    summary::summary,
+};
+
+/// Does what the command line asks for and returns what to print.
+pub(crate) fn run(args: &Args) -> Result<String> {
+    let start = Instant::now();
+    let threads = threads::set_num_threads(args.threads())?;
+    let bars = Bars::new();
+    let mut watch = Watch::new(&bars);
+    let dir = watch.time(Stage::Load, |_| ClipDir::open(&args.clip_dir))?;
+    let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
+    let job = Job::new(args, &dir)?;
+
+    let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
+    let reconstruction = reconstruct(&inputs, args.background.mode(), &mut watch)?;
+    let scene = to_cloud(&reconstruction.scene)?;
+    let drawn = job.draw(&reconstruction.scene, &inputs, &mut watch)?;
+
+    let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
+    let metrics = Metrics {
+        format: METRICS_FORMAT,
+        clip: dir.clip().name.clone(),
+        config: job.config(&inputs),
+        weights: None,
+        threads,
+        seed: args.seed,
+        gaussians: reconstruction.counts,
+        stages_s: watch.times,
+        reconstruction_s: reconstruction.seconds,
+        peak_rss_mb: allocator::peak_rss_mb(),
+        mean: RoleMeans::of(&records),
+        views: records,
+    };
+    let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
+    let report = report(&metrics, &pictures, &dir);
+    Output { scene: &scene, views: &pictures, report: &report, metrics: &json }.write(&out)?;
+    Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
+}
+
+/// The settings of a run, checked against its clip.
+#[derive(Debug)]
+struct Job<'a> {
+    args: &'a Args,
+    dir: &'a ClipDir,
+    selection: Selection,
+    frames: SelectedFrames,
+    clip_frame: ClipFrame,
+    lpips: Option<PerceptualDistance>,
+}
+
+/// LPIPS and the file that it came from.
+#[derive(Debug)]
+struct PerceptualDistance {
+    lpips: Lpips,
+    sha256: String,
+}
+
+impl<'a> Job<'a> {
+    fn new(args: &'a Args, dir: &'a ClipDir) -> Result<Self> {
+        let frames = args.frames.as_ref().map(|list| list.0.clone());
+        let rule = args.hold_out.as_ref().unwrap_or(&HoldOut::Nothing);
+        let hold_out = rule.indices(dir.clip().frames.len(), frames.as_deref())?;
+        let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
+        let frames = selection.frames(dir.clip())?;
+        let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
+        let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
+        Ok(Self { args, dir, selection, frames, clip_frame, lpips })
+    }
+
+    /// The views of one role.
+    fn load(&self, role: Role, watch: &mut Watch<'_>) -> Result<Vec<View>> {
+        let num_images = self.selection.num_images(self.dir.clip(), role)?;
+        let views = watch.stage(Stage::Load, num_images, |progress| {
+            load_views(self.dir, &self.selection, role, &self.clip_frame, &|| progress.step(Stage::Load))
+        })?;
+        Ok(views)
+    }
+
+    /// Figures and pictures of the views that are wanted, frame by frame. Here, where the scene is final, the held-out
+    /// images are read.
+    fn draw(
+        &self,
+        scene: &GaussianSet,
+        inputs: &Inputs<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Vec<(ViewRecord, ViewPictures)>> {
+        if self.args.views == ViewsArg::None {
+            return Ok(Vec::new());
+        }
+        let held_out = self.load(Role::HeldOut, watch)?;
+        let seen = if self.args.views == ViewsArg::All { inputs.views() } else { &[] };
+        let figures = self.args.at_time.map_or_else(|| self.figures(), Figures::AtTime);
+        let mut views: Vec<&View> = held_out.iter().chain(seen).collect();
+        views.sort_by_key(|view| view.frame);
+        let width = report_width(views.len());
+        let keep = |drawn: RenderedView<'_>| -> Result<(ViewRecord, ViewPictures)> {
+            let RenderedView { view, figures: measured, .. } = drawn;
+            let measured = measured.cloned().unwrap_or_default();
+            let View { frame, camera, role, .. } = view;
+            let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
+            Ok((record, pictures_of(drawn, figures, width)?))
+        };
+        evaluate_views(&to_physical(scene), &views, figures, watch, &keep)
+    }
+
+    fn figures(&self) -> Figures<'_> {
+        let lpips = self.lpips.as_ref().map(|distance| &distance.lpips);
+        Figures::OfTruth { clip: self.dir.clip(), frame: &self.clip_frame, lpips }
+    }
+
+    fn config(&self, inputs: &Inputs<'_>) -> Config {
+        let mut cameras: Vec<String> = Vec::new();
+        for view in inputs.views() {
+            if !cameras.contains(&view.camera) {
+                cameras.push(view.camera.clone());
+            }
+        }
+        let mut frames = [self.frames.input.as_slice(), &self.frames.held_out].concat();
+        frames.sort_unstable();
+        Config {
+            cameras,
+            image_size: self.selection.image_size.map(|size| [size.height, size.width]),
+            frames,
+            hold_out: self.frames.held_out.clone(),
+            background: word(&self.args.background),
+            views: word(&self.args.views),
+            at_time: self.args.at_time,
+            lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),
+        }
+    }
+}
+
+impl PerceptualDistance {
+    fn load(path: &Path) -> Result<Self> {
+        let lpips = Lpips::load(path)?;
+        let bytes = std::fs::read(path).with_context(|| format!("{}: read", path.display()))?;
+        let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { lpips, sha256 })
+    }
+}
+
+fn report(metrics: &Metrics, pictures: &[ViewPictures], dir: &ClipDir) -> String {
+    let views: Vec<PageView> = pictures.iter().map(|pictures| pictures.page.clone()).collect();
+    let command: Vec<String> = std::env::args_os().map(|word| quoted(&word.to_string_lossy())).collect();
+    let clip = dir.clip();
+    html(&Page { metrics, views: &views, source: &clip.source, licence: &clip.licence, command: &command.join(" ") })
+}
+
+/// The word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_needs_it() {
+        assert_eq!(quoted("--hold-out"), "--hold-out");
+        assert_eq!(quoted("a b"), "'a b'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+}

@@ -1,0 +1,46 @@
+//! What a run prints for people.
+
+use std::{fmt::Write, path::Path};
+
+use lgs_engine::{
+    pipeline::Stage,
+    report::{FIGURES, Metrics, role_name},
+    views::Role,
+};
+
+/// A page of text: mean figures, counts, times and where the files are.
+pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
+    let mut text = format!("{}\n", metrics.clip);
+    let measured = metrics.config.at_time.is_none();
+    for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
+        let num_views = metrics.views.iter().filter(|view| view.role == role).count();
+        if num_views > 0 && measured {
+            let defined = FIGURES.iter().filter(|kind| (kind.get)(mean).is_some());
+            let figures: Vec<String> = defined.map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
+            line(&mut text, &format!("{}, {num_views} views", role_name(role)), &figures.join("  "));
+        }
+    }
+    let counts = metrics.gaussians;
+    line(
+        &mut text,
+        "Gaussians",
+        &format!(
+            "{} from LiDAR - {} pruned + {} added = {}, and {} background",
+            counts.initial, counts.pruned, counts.added, counts.last, counts.background
+        ),
+    );
+    let stages = Stage::ALL.into_iter().filter(|&stage| metrics.stages_s.get(stage) > 0.0);
+    let times: Vec<String> = stages.map(|s| format!("{} {:.2}", s.key(), metrics.stages_s.get(s))).collect();
+    line(&mut text, "seconds", &format!("{total_s:.2} in all, reconstruction {:.2}", metrics.reconstruction_s));
+    line(&mut text, "", &times.join("  "));
+    let memory = metrics.peak_rss_mb.map_or("unknown".to_owned(), |mb| format!("{mb:.0} MB"));
+    line(&mut text, "peak memory", &format!("{memory}, {} threads", metrics.threads));
+    line(&mut text, "written to", &out.display().to_string());
+    line(&mut text, "to look at", &out.join("report.html").display().to_string());
+    text
+}
+
+fn line(text: &mut String, name: &str, value: &str) {
+    // writing to a String cannot fail
+    let _ = writeln!(text, "  {name:<18} {value}");
+}

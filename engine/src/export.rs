@@ -1,0 +1,122 @@
+//! A scene as a splat cloud, the form in which files hold it.
+
+use lgs_formats::cloud::{SH_DC, SplatCloud};
+
+use crate::{
+    error::{EngineError, Result},
+    gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
+};
+
+/// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
+/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties.
+///
+/// # Formula
+/// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
+///
+/// # Errors
+/// [`EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
+pub fn to_cloud(set: &GaussianSet) -> Result<SplatCloud> {
+    check_finite(set)?;
+    let physical = to_physical(set);
+    let rows = &set.attributes;
+    Ok(SplatCloud {
+        means: rows.iter().map(|row| std::array::from_fn(|k| row[MEAN.start + k])).collect(),
+        log_scales: physical.iter().map(|splat| splat.scale.map(f32::ln)).collect(),
+        quats: physical.iter().map(|splat| normalised(splat.quat)).collect(),
+        logit_opacities: rows.iter().map(|row| row[LOGIT_OPACITY]).collect(),
+        sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (c - 0.5) / SH_DC)).collect(),
+        velocities: set.velocities.clone(),
+        times: set.times.clone(),
+        extra: Vec::new(),
+    })
+}
+
+fn check_finite(set: &GaussianSet) -> Result<()> {
+    let rows = set.attributes.iter().zip(&set.velocities).zip(&set.times);
+    for (i, ((attributes, velocity), time)) in rows.enumerate() {
+        let values = attributes.iter().chain(velocity).chain([time]);
+        let mut values = values.enumerate();
+        if let Some((column, &found)) = values.find(|(_, value)| !value.is_finite()) {
+            return Err(EngineError::NonFinite { what: format!("Gaussian {i}, {}", column_name(column)), found });
+        }
+    }
+    Ok(())
+}
+
+fn column_name(column: usize) -> &'static str {
+    match column {
+        0..3 => "mean",
+        3..7 => "quaternion",
+        7..10 => "log scale",
+        10 => "opacity logit",
+        11..14 => "colour logit",
+        14..17 => "velocity",
+        _ => "time",
+    }
+}
+
+/// The quaternion at length one; the identity when it has no length.
+fn normalised(quat: [f32; 4]) -> [f32; 4] {
+    let length = quat.iter().map(|&v| f64::from(v) * f64::from(v)).sum::<f64>().sqrt();
+    if length == 0.0 { [1.0, 0.0, 0.0, 0.0] } else { quat.map(|v| to_f32(f64::from(v) / length)) }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
+fn to_f32(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, QUAT};
+
+    /// One Gaussian of the `LiDAR` branch and one of the background, the same but for the branch.
+    fn pair() -> GaussianSet {
+        let mut row = [0.0; 14];
+        row[MEAN].copy_from_slice(&[1.0, -2.0, 3.0]);
+        row[QUAT].copy_from_slice(&[0.0, 3.0, 0.0, 4.0]);
+        row[LOG_SCALE].copy_from_slice(&[-1.0, 2.0, -20.0]);
+        row[LOGIT_OPACITY] = 0.25;
+        row[LOGIT_COLOUR].copy_from_slice(&[0.0, 30.0, -30.0]);
+        GaussianSet {
+            attributes: vec![row; 2],
+            times: vec![0.1, 0.0],
+            velocities: vec![[5.0, 0.0, 0.0], [0.0; 3]],
+            num_lidar: 1,
+        }
+    }
+
+    #[test]
+    fn the_cloud_is_the_scene_as_it_is_drawn() {
+        let cloud = to_cloud(&pair()).unwrap();
+        let near = |got: f32, want: f32| assert!((got - want).abs() < 1e-5, "got {got}, want {want}");
+        assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
+        assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
+        assert_eq!(cloud.logit_opacities, [0.25; 2]);
+        cloud.quats[0].into_iter().zip([0.0, 0.6, 0.0, 0.8]).for_each(|(got, want)| near(got, want));
+        // scales clamped to 1e-4..1 m, in the background below only
+        cloud.log_scales[0].into_iter().zip([-1.0, 0.0, 1e-4_f32.ln()]).for_each(|(got, want)| near(got, want));
+        near(cloud.log_scales[1][1], 2.0);
+        // colours 0.5, 1, 0 stand at 0 and at plus and minus sqrt(pi)
+        let end = std::f32::consts::PI.sqrt();
+        cloud.sh_dc[0].into_iter().zip([0.0, end, -end]).for_each(|(got, want)| near(got, want));
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_is_named() {
+        let mut set = pair();
+        set.attributes[1][LOG_SCALE.start + 2] = f32::NAN;
+        let error = to_cloud(&set).unwrap_err().to_string();
+        assert_eq!(error, "Gaussian 1, log scale: expected a finite value, found NaN");
+        set = pair();
+        set.velocities[0][1] = f32::INFINITY;
+        assert!(to_cloud(&set).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
+    }
+
+    #[test]
+    fn a_quaternion_without_direction_becomes_the_identity_and_a_huge_one_keeps_its_direction() {
+        assert_eq!(normalised([0.0; 4]), [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(normalised([0.0, 1e30, 0.0, 0.0]), [0.0, 1.0, 0.0, 0.0]);
+    }
+}

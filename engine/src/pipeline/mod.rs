@@ -1,0 +1,18 @@
+//! From a clip directory to a scene, its views and their figures: the stages in their order.
+//!
+//! What is held out cannot leak: [`reconstruct`] takes [`Inputs`], which hold views and sweeps of input frames only, and
+//! the images of held-out frames are read after the scene is final.
+
+mod evaluate;
+mod hold_out;
+mod inputs;
+mod reconstruct;
+mod stages;
+#[cfg(test)]
+mod tests;
+
+pub use evaluate::{Figures, RenderedView, evaluate_views};
+pub use hold_out::HoldOut;
+pub use inputs::Inputs;
+pub use reconstruct::{GaussianCounts, Reconstruction, reconstruct};
+pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -1,0 +1,73 @@
+//! Inputs to scene.
+
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::{Inputs, Stage, Watch};
+use crate::{
+    error::Result,
+    gaussians::{
+        self, GaussianSet,
+        background::{self, Mode},
+    },
+    points,
+};
+
+/// How many Gaussians a reconstruction started with, changed and ended with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct GaussianCounts {
+    /// `LiDAR` branch: one per return that some input camera sees.
+    pub initial: usize,
+    /// Taken from the `LiDAR` branch by the set update.
+    pub pruned: usize,
+    /// Added to the `LiDAR` branch by the set update.
+    pub added: usize,
+    /// `LiDAR` branch at the end: `initial - pruned + added`.
+    #[serde(rename = "final")]
+    pub last: usize,
+    /// Background branch, which the set update does not change.
+    pub background: usize,
+}
+
+/// A finished scene.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    /// The scene.
+    pub scene: GaussianSet,
+    /// How it came about.
+    pub counts: GaussianCounts,
+    /// Seconds that it took, from the loaded inputs on.
+    pub seconds: f64,
+}
+
+/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing, background.
+const POINT_STEPS: usize = 4;
+
+/// The scene that `inputs` show.
+///
+/// # Errors
+/// Whatever is wrong with the sweep of an input frame.
+pub fn reconstruct(inputs: &Inputs<'_>, background: Mode, watch: &mut Watch<'_>) -> Result<Reconstruction> {
+    let start = Instant::now();
+    let scene = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+        let step = || progress.step(Stage::Points);
+        let cloud = inputs.cloud()?;
+        step();
+        let colours = points::paint(&cloud, inputs.views());
+        step();
+        let spacing = points::spacing(&cloud.positions);
+        step();
+        let mut scene = gaussians::initial(&cloud, &colours, &spacing);
+        background::add_background(&mut scene, inputs.views(), &cloud, background);
+        step();
+        Result::Ok(scene)
+    })?;
+    let counts = GaussianCounts {
+        initial: scene.num_lidar,
+        last: scene.num_lidar,
+        background: scene.len() - scene.num_lidar,
+        ..GaussianCounts::default()
+    };
+    Ok(Reconstruction { scene, counts, seconds: start.elapsed().as_secs_f64() })
+}

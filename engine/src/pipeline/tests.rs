@@ -1,0 +1,153 @@
+//! The pipeline on a small clip: what is held out changes nothing, and cannot come in.
+
+use std::{fs, path::Path};
+
+use glam::{DMat3, DVec3};
+use lgs_formats::{
+    camera::{Camera, Intrinsics},
+    clip::{CameraRecord, Clip, Frame, LidarRecord},
+    clip_dir::{ClipDir, write_clip},
+    image::{RgbImage, write_png},
+    pose::Pose,
+    sweep::{Sweep, write_sweep},
+};
+
+use super::{Figures, HoldOut, Inputs, Reconstruction, Silent, Stage, Watch, evaluate_views, reconstruct};
+use crate::{
+    error::{EngineError, Result},
+    gaussians::{background::Mode, physical::to_physical},
+    views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
+};
+
+const SIZE: (u32, u32) = (24, 16);
+const NUM_FRAMES: u32 = 3;
+
+/// Writes a clip of three frames: a `LiDAR` (x forward, z up) and a camera at the same place, which moves 0.2 m a frame
+/// towards a wall 8 m ahead, under `shade`, the brightness of a frame.
+fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
+    let wall = (0..600_u16).map(|k| [8.0, f32::from(k % 30) * 0.4 - 6.0, f32::from(k / 30) * 0.4 - 4.0]);
+    let wall: Vec<[f32; 3]> = wall.collect();
+    let clip_from_camera = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
+    let frames = (0..NUM_FRAMES).map(|frame| {
+        let (moved, seconds) = (0.2 * f64::from(frame), 0.1 * f64::from(frame));
+        let points = wall.iter().map(|&[x, y, z]| [x - 0.2 * frame as f32, y, z]).collect();
+        let sweep = Sweep { points, intensities: vec![0.0; wall.len()] };
+        let [lidar, image] = [format!("{frame}.bin"), format!("{frame}.png")].map(std::path::PathBuf::from);
+        write_sweep(&root.join(&lidar), &sweep).unwrap();
+        let colours = (0..SIZE.0 * SIZE.1 * 3).map(|k| shade(frame) * (k % 7) as f32 / 7.0).collect();
+        let rgb = RgbImage { width: SIZE.0 as usize, height: SIZE.1 as usize, data: colours };
+        write_png(&root.join(&image), &rgb).unwrap();
+        let at = DVec3::new(moved, 0.0, 0.0);
+        let camera = Camera {
+            name: "front".to_owned(),
+            timestamp: seconds,
+            width: SIZE.0,
+            height: SIZE.1,
+            intrinsics: Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 },
+            distortion: None,
+            world_from_camera: Pose::new(clip_from_camera, at),
+        };
+        Frame {
+            lidar: LidarRecord { file: lidar, timestamp: seconds, world_from_lidar: Pose::new(DMat3::IDENTITY, at) },
+            cameras: vec![CameraRecord { file: image, mask: None, camera }],
+            boxes: None,
+        }
+    });
+    let frames = frames.collect();
+    let clip = Clip { name: "wall".to_owned(), source: "a test".to_owned(), licence: "none".to_owned(), frames };
+    write_clip(root, &clip).unwrap();
+}
+
+/// A clip of which frame 1 is held out.
+struct Held {
+    dir: ClipDir,
+    selection: Selection,
+    frames: SelectedFrames,
+    clip_frame: ClipFrame,
+}
+
+impl Held {
+    fn open(root: &Path) -> Self {
+        let dir = ClipDir::open(root).unwrap();
+        let hold_out = HoldOut::Odd.indices(dir.clip().frames.len(), None).unwrap();
+        let selection = Selection { hold_out, ..Selection::default() };
+        let frames = selection.frames(dir.clip()).unwrap();
+        let clip_frame = ClipFrame::of(dir.clip(), frames.input[0]);
+        Self { dir, selection, frames, clip_frame }
+    }
+
+    fn views(&self, role: Role) -> Result<Vec<View>> {
+        load_views(&self.dir, &self.selection, role, &self.clip_frame, &|| ())
+    }
+
+    fn inputs(&self, views: Vec<View>) -> Result<Inputs<'_>> {
+        Inputs::new(&self.dir, &self.frames, self.clip_frame, views)
+    }
+
+    fn reconstruct(&self) -> Reconstruction {
+        let inputs = self.inputs(self.views(Role::Input).unwrap()).unwrap();
+        reconstruct(&inputs, Mode::Auto, &mut Watch::new(&Silent)).unwrap()
+    }
+}
+
+#[test]
+fn held_out_files_change_nothing_and_are_not_even_read() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let before = Held::open(place.path()).reconstruct();
+    assert!(before.counts.initial > 100, "{:?}", before.counts);
+
+    let far = Sweep { points: vec![[1.0, 0.5, 0.0]; 50], intensities: vec![0.0; 50] };
+    write_sweep(&place.path().join("1.bin"), &far).unwrap();
+    let whole = fs::read(place.path().join("1.png")).unwrap();
+    fs::write(place.path().join("1.png"), &whole[..whole.len() / 2]).unwrap();
+    let held = Held::open(place.path());
+    let after = held.reconstruct();
+    assert_eq!((&before.scene, before.counts), (&after.scene, after.counts));
+    assert!(held.views(Role::HeldOut).unwrap_err().to_string().contains("1.png"));
+
+    write_test_clip(place.path(), |frame| if frame == 0 { 0.3 } else { 0.8 });
+    assert_ne!(Held::open(place.path()).reconstruct().scene, before.scene, "an input image must count");
+}
+
+#[test]
+fn views_that_are_held_out_cannot_become_inputs() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let held = Held::open(place.path());
+    let mut views = held.views(Role::Input).unwrap();
+    views.extend(held.views(Role::HeldOut).unwrap());
+    assert_eq!(views.iter().map(|view| view.frame).collect::<Vec<_>>(), [0, 2, 1]);
+    let leaks = |views| matches!(held.inputs(views), Err(EngineError::Leak { frame: 1 }));
+    assert!(leaks(views.clone()));
+    views[2].role = Role::Input; // a false label does not help: its frame is held out
+    assert!(leaks(views.clone()));
+    views.truncate(2);
+    assert!(!leaks(views));
+}
+
+#[test]
+fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |frame| 0.4 + 0.2 * frame as f32);
+    let held = Held::open(place.path());
+    let reconstruction = held.reconstruct();
+    let splats = to_physical(&reconstruction.scene);
+    let loaded = held.views(Role::Input).unwrap();
+    let views: Vec<&View> = (0..5).flat_map(|_| &loaded).collect(); // more than one batch
+    let mut watch = Watch::new(&Silent);
+    let truth = Figures::OfTruth { clip: held.dir.clip(), frame: &held.clip_frame, lpips: None };
+    let mut draw = |figures| {
+        let keep = |drawn: super::RenderedView<'_>| {
+            Result::Ok((drawn.view.frame, drawn.figures.map(|f| f.psnr), drawn.rendered.clone()))
+        };
+        evaluate_views(&splats, &views, figures, &mut watch, &keep).unwrap()
+    };
+    let (measured, moved) = (draw(truth), draw(Figures::AtTime(0.3)));
+    assert_eq!(measured.iter().map(|view| view.0).collect::<Vec<_>>(), [0, 2, 0, 2, 0, 2, 0, 2, 0, 2]);
+    assert!(measured.iter().all(|view| view.1.flatten().is_some_and(f64::is_finite)));
+    assert!(moved.iter().all(|view| view.1.is_none()));
+    // nothing moves in this scene, so another moment looks the same
+    assert!(measured.iter().zip(&moved).all(|(a, b)| a.2 == b.2));
+    assert!(watch.times.get(Stage::Render) > 0.0 && watch.times.get(Stage::Evaluate) > 0.0);
+}

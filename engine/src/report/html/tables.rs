@@ -1,0 +1,79 @@
+//! The page's tables: figures, times, settings.
+
+use super::{
+    Page,
+    text::{escape, ranges, thousands},
+};
+use crate::{
+    evaluate::ViewFigures,
+    pipeline::Stage,
+    report::metrics::{FIGURES, FigureKind, Metrics, role_name},
+    views::Role,
+};
+
+/// Mean figures by role, and the figures of every view; nothing when there are none.
+pub(super) fn figure_table(metrics: &Metrics) -> String {
+    let measured = |kind: &&FigureKind| metrics.views.iter().any(|view| (kind.get)(&view.figures).is_some());
+    let columns: Vec<&FigureKind> = FIGURES.iter().filter(measured).collect();
+    let heads: String = columns.iter().map(|kind| format!("<th>{} {}</th>", kind.label, kind.better)).collect();
+    let row = |class: &str, name: &str, figures: &ViewFigures| {
+        let cells: String = columns.iter().map(|kind| format!("<td>{}</td>", kind.text(figures))).collect();
+        format!("<tr{class}><th>{name}</th>{cells}</tr>\n")
+    };
+    let mut rows = String::new();
+    for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
+        let mut views = metrics.views.iter().filter(|view| view.role == role).peekable();
+        if views.peek().is_none() {
+            continue;
+        }
+        rows += &row(" class=\"mean\"", &format!("mean, {}", role_name(role)), mean);
+        rows.extend(views.map(|v| row("", &format!("frame {} · {}", v.frame, escape(&v.camera)), &v.figures)));
+    }
+    if columns.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"wide\"><table>\n<thead><tr><th></th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n"
+    )
+}
+
+/// A bar for every stage that ran.
+pub(super) fn stage_bars(metrics: &Metrics) -> String {
+    let ran = Stage::ALL.into_iter().filter(|&stage| metrics.stages_s.get(stage) > 0.0);
+    let longest = Stage::ALL.into_iter().map(|stage| metrics.stages_s.get(stage)).fold(f64::MIN_POSITIVE, f64::max);
+    let bar = |stage: Stage| {
+        let seconds = metrics.stages_s.get(stage);
+        let percent = 100.0 * seconds / longest;
+        let name = stage.key().replace('_', " ");
+        format!("<dt>{name}</dt><dd><i style=\"width:{percent:.1}%\"></i><span>{seconds:.3} s</span></dd>\n")
+    };
+    let note =
+        format!("reconstruction {:.3} s: from the loaded input views to the finished scene", metrics.reconstruction_s);
+    format!("<dl class=\"bars\">\n{}</dl>\n<p>{note}</p>\n", ran.map(bar).collect::<String>())
+}
+
+/// Everything that decided the result, and the command.
+pub(super) fn settings(page: &Page<'_>) -> String {
+    let Metrics { config, gaussians, threads, seed, weights, .. } = page.metrics;
+    let moment = config.at_time.map_or("each view's own".to_owned(), |s| format!("{s} s after time zero"));
+    let none = || "none".to_owned();
+    let rows = [
+        ("cameras", escape(&config.cameras.join(", "))),
+        ("image size", config.image_size.map_or("each image's own".to_owned(), |[h, w]| format!("{h}x{w}"))),
+        ("frames", ranges(&config.frames)),
+        ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
+        ("background", escape(&config.background)),
+        ("views", escape(&config.views)),
+        ("moment", moment),
+        ("weights", weights.clone().unwrap_or_else(none)),
+        ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),
+        ("threads", threads.to_string()),
+        ("seed", seed.to_string()),
+        ("Gaussians at first", thousands(gaussians.initial)),
+        ("pruned, added", format!("{}, {}", thousands(gaussians.pruned), thousands(gaussians.added))),
+        ("Gaussians in the end", thousands(gaussians.last)),
+        ("background Gaussians", thousands(gaussians.background)),
+    ];
+    let rows: String = rows.iter().map(|(name, value)| format!("<dt>{name}</dt><dd>{value}</dd>\n")).collect();
+    format!("<dl class=\"settings\">\n{rows}</dl>\n<pre>{}</pre>\n", escape(page.command))
+}

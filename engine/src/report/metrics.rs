@@ -1,0 +1,216 @@
+//! `metrics.json`: every figure of a run, in one page that programs read.
+
+use serde::{Serialize, Serializer};
+
+use crate::{
+    evaluate::ViewFigures,
+    pipeline::{GaussianCounts, StageTimes},
+    views::Role,
+};
+
+/// The value of `format` in `metrics.json`.
+pub const METRICS_FORMAT: &str = "lgs-metrics/1";
+
+/// What `metrics.json` says. Keys as the fields are named; a figure that is not defined is `null`, and an infinite one
+/// (the PSNR of equal images) is the string `"inf"`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Metrics {
+    /// [`METRICS_FORMAT`].
+    pub format: &'static str,
+    /// Name of the clip.
+    pub clip: String,
+    /// Everything that was asked for and changes the result.
+    pub config: Config,
+    /// SHA-256 of the weights file; `None` without weights.
+    pub weights: Option<String>,
+    /// Threads that worked.
+    pub threads: usize,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// How many Gaussians there were.
+    pub gaussians: GaussianCounts,
+    /// Seconds of each stage; 0 for one that did not run.
+    pub stages_s: StageTimes,
+    /// Seconds from the loaded input views to the finished scene.
+    pub reconstruction_s: f64,
+    /// Largest resident memory, 10^6 bytes; `None` where the system does not say.
+    pub peak_rss_mb: Option<f64>,
+    /// The rendered views.
+    pub views: Vec<ViewRecord>,
+    /// Mean figures of the views of each role.
+    pub mean: RoleMeans,
+}
+
+/// The settings of a run, as they turned out for its clip.
+#[derive(Clone, Debug, Serialize)]
+pub struct Config {
+    /// Names of the cameras.
+    pub cameras: Vec<String>,
+    /// Height and width of every view, pixels; `None` when images kept their own size.
+    pub image_size: Option<[usize; 2]>,
+    /// Frames that took part, held-out ones included.
+    pub frames: Vec<usize>,
+    /// Frames that were held out.
+    pub hold_out: Vec<usize>,
+    /// What stands behind the `LiDAR` Gaussians.
+    pub background: String,
+    /// Which views were rendered.
+    pub views: String,
+    /// Moment of every rendered view, seconds since time zero; `None` for each view's own.
+    pub at_time: Option<f32>,
+    /// SHA-256 of the file with the weights of LPIPS; `None` without it.
+    pub lpips_weights: Option<String>,
+}
+
+/// The figures of one view.
+#[derive(Clone, Debug, Serialize)]
+pub struct ViewRecord {
+    /// Index of the frame in the clip.
+    pub frame: usize,
+    /// Name of the camera.
+    pub camera: String,
+    /// Whether the reconstruction read it.
+    #[serde(serialize_with = "role")]
+    pub role: Role,
+    /// The figures.
+    #[serde(flatten, serialize_with = "figures")]
+    pub figures: ViewFigures,
+}
+
+/// Mean figures by role.
+#[derive(Clone, Debug, Serialize)]
+pub struct RoleMeans {
+    /// Over the views that the reconstruction read.
+    #[serde(serialize_with = "figures")]
+    pub input: ViewFigures,
+    /// Over the views that it did not see.
+    #[serde(serialize_with = "figures")]
+    pub held_out: ViewFigures,
+}
+
+impl RoleMeans {
+    /// The means over `views`, each figure over those of a role that have it.
+    pub fn of(views: &[ViewRecord]) -> Self {
+        let of_role = |role: Role| views.iter().filter(|view| view.role == role).map(|view| &view.figures).collect();
+        Self { input: mean(of_role(Role::Input)), held_out: mean(of_role(Role::HeldOut)) }
+    }
+}
+
+fn mean(all: Vec<&ViewFigures>) -> ViewFigures {
+    let mean_of = |figure: fn(&ViewFigures) -> Option<f64>| {
+        let values: Vec<f64> = all.iter().filter_map(|figures| figure(figures)).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    ViewFigures {
+        psnr: mean_of(|f| f.psnr),
+        ssim: mean_of(|f| f.ssim),
+        lpips: mean_of(|f| f.lpips),
+        dmae: mean_of(|f| f.dmae),
+        psnr_dynamic: mean_of(|f| f.psnr_dynamic),
+        ssim_dynamic: mean_of(|f| f.ssim_dynamic),
+        psnr_static: mean_of(|f| f.psnr_static),
+        ssim_static: mean_of(|f| f.ssim_static),
+    }
+}
+
+/// A figure as people and programs know it.
+#[derive(Clone, Copy, Debug)]
+pub struct FigureKind {
+    /// Key in `metrics.json`.
+    pub key: &'static str,
+    /// Heading for people, with the unit.
+    pub label: &'static str,
+    /// The better side.
+    pub better: &'static str,
+    /// Digits after the point that people are shown.
+    pub digits: usize,
+    /// The figure's value.
+    pub get: fn(&ViewFigures) -> Option<f64>,
+}
+
+impl FigureKind {
+    /// The value as people are shown it; a dash when it is not defined.
+    pub fn text(&self, figures: &ViewFigures) -> String {
+        match (self.get)(figures) {
+            Some(value) if value == f64::INFINITY => "∞".to_owned(),
+            Some(value) if value.is_finite() => format!("{value:.*}", self.digits),
+            _ => "–".to_owned(),
+        }
+    }
+}
+
+/// Every figure, in the order of `metrics.json`.
+pub const FIGURES: [FigureKind; 8] = [
+    FigureKind { key: "psnr", label: "PSNR (dB)", better: "↑", digits: 2, get: |f| f.psnr },
+    FigureKind { key: "ssim", label: "SSIM", better: "↑", digits: 3, get: |f| f.ssim },
+    FigureKind { key: "lpips", label: "LPIPS", better: "↓", digits: 3, get: |f| f.lpips },
+    FigureKind { key: "dmae", label: "DMAE (m)", better: "↓", digits: 2, get: |f| f.dmae },
+    FigureKind { key: "psnr_dynamic", label: "PSNR, dynamic", better: "↑", digits: 2, get: |f| f.psnr_dynamic },
+    FigureKind { key: "ssim_dynamic", label: "SSIM, dynamic", better: "↑", digits: 3, get: |f| f.ssim_dynamic },
+    FigureKind { key: "psnr_static", label: "PSNR, static", better: "↑", digits: 2, get: |f| f.psnr_static },
+    FigureKind { key: "ssim_static", label: "SSIM, static", better: "↑", digits: 3, get: |f| f.ssim_static },
+];
+
+/// The name of a role in `metrics.json`.
+pub const fn role_name(role: Role) -> &'static str {
+    match role {
+        Role::Input => "input",
+        Role::HeldOut => "held-out",
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn role<S: Serializer>(role: &Role, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(role_name(*role))
+}
+
+fn figures<S: Serializer>(figures: &ViewFigures, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(FIGURES.map(|kind| (kind.key, Figure((kind.get)(figures)))))
+}
+
+/// A number as it is, infinity as `"inf"`, what is not a number as `null`.
+struct Figure(Option<f64>);
+
+impl Serialize for Figure {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Some(value) if value.is_finite() => serializer.serialize_f64(value),
+            Some(value) if value == f64::INFINITY => serializer.serialize_str("inf"),
+            _ => serializer.serialize_none(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(frame: usize, role: Role, psnr: Option<f64>, dmae: Option<f64>) -> ViewRecord {
+        ViewRecord { frame, camera: "a".into(), role, figures: ViewFigures { psnr, dmae, ..ViewFigures::default() } }
+    }
+
+    #[test]
+    fn a_mean_is_over_the_views_of_its_role_that_have_the_figure() {
+        let views = [
+            view(0, Role::Input, Some(30.0), None),
+            view(1, Role::HeldOut, Some(20.0), Some(1.0)),
+            view(3, Role::HeldOut, Some(10.0), None),
+        ];
+        let means = RoleMeans::of(&views);
+        assert_eq!((means.input.psnr, means.input.dmae), (Some(30.0), None));
+        assert_eq!((means.held_out.psnr, means.held_out.dmae), (Some(15.0), Some(1.0)));
+        assert_eq!(RoleMeans::of(&views[..1]).held_out, ViewFigures::default());
+    }
+
+    #[test]
+    fn a_view_is_flat_and_parses_whatever_its_figures_are() {
+        let json = |psnr| serde_json::to_value(view(2, Role::HeldOut, psnr, Some(0.5))).unwrap();
+        let plain = json(Some(17.25));
+        let keys: Vec<&String> = plain.as_object().unwrap().keys().collect();
+        assert_eq!(keys.len(), 11);
+        assert_eq!((&plain["frame"], &plain["role"], &plain["psnr"]), (&2.into(), &"held-out".into(), &17.25.into()));
+        assert!(plain["lpips"].is_null());
+        assert_eq!(json(Some(f64::INFINITY))["psnr"], "inf");
+        assert!(json(Some(f64::NAN))["psnr"].is_null());
+    }
+}

@@ -1,0 +1,10 @@
+//! What a run leaves behind for programs and for people: figures, pictures, a page.
+
+mod colour_maps;
+mod html;
+mod metrics;
+mod pictures;
+
+pub use html::{Page, PageView, html};
+pub use metrics::{Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name};
+pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind};
