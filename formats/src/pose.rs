@@ -83,3 +83,62 @@ impl Mul for Pose {
         Self { rotation: self.rotation * b_from_c.rotation, translation: self.transform_point(b_from_c.translation) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn pose((axis, angle, translation): ([f64; 3], f64, [f64; 3])) -> Pose {
+        let axis = DVec3::from(axis).try_normalize().unwrap_or(DVec3::X);
+        Pose::new(DMat3::from_axis_angle(axis, angle), DVec3::from(translation))
+    }
+
+    prop_compose! {
+        fn any_pose()(
+            axis in prop::array::uniform3(-1.0_f64..1.0),
+            angle in -3.2_f64..3.2,
+            translation in prop::array::uniform3(-1e3_f64..1e3),
+        ) -> Pose {
+            pose((axis, angle, translation))
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn rows_hold_the_pose_to_the_bit(pose in any_pose()) {
+            prop_assert_eq!(Pose::from_rows(&pose.rows()), Ok(pose));
+        }
+
+        #[test]
+        fn a_pose_and_its_inverse_leave_points_where_they_are(pose in any_pose(), p in prop::array::uniform3(-1e3_f64..1e3)) {
+            let p = DVec3::from(p);
+            prop_assert!(pose.inverse().transform_point(pose.transform_point(p)).distance(p) < 1e-9);
+            prop_assert!((pose.inverse() * pose).transform_point(p).distance(p) < 1e-9);
+        }
+
+        #[test]
+        fn a_product_applies_its_right_side_first(a in any_pose(), b in any_pose(), p in prop::array::uniform3(-1e3_f64..1e3)) {
+            let p = DVec3::from(p);
+            prop_assert!((a * b).transform_point(p).distance(a.transform_point(b.transform_point(p))) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn rows_that_are_no_rigid_pose_are_refused_with_what_was_found() {
+        let with = |row: usize, column: usize, value: f64| {
+            let mut rows = Pose::IDENTITY.rows();
+            rows[row][column] = value;
+            Pose::from_rows(&rows)
+        };
+        assert_eq!(with(1, 3, 7.0).unwrap().translation(), DVec3::new(0.0, 7.0, 0.0));
+        assert_eq!(with(2, 1, f64::NAN).unwrap_err(), "row 2 column 1 is NaN");
+        assert_eq!(with(0, 3, f64::INFINITY).unwrap_err(), "row 0 column 3 is inf");
+        assert_eq!(with(3, 0, 0.5).unwrap_err(), "last row is [0.5, 0.0, 0.0, 1.0]");
+        assert!(with(0, 0, 1.001).unwrap_err().starts_with("not rigid: "));
+        assert!(with(0, 1, 1e-3).unwrap_err().starts_with("not rigid: "));
+        assert!(with(2, 2, -1.0).unwrap_err().ends_with("det R = -1.000000"));
+        assert!(with(0, 1, 5e-5).is_ok());
+    }
+}

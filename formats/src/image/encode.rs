@@ -64,3 +64,47 @@ fn encode(path: &Path, width: usize, height: usize, bytes: &[u8], colour: Extend
         .map_err(|e| FormatError::syntax(path, "image", e.to_string()))?;
     Ok(png)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn bytes_of(path: &Path) -> Vec<u8> {
+        image::open(path).unwrap().into_bytes()
+    }
+
+    #[test]
+    fn values_are_clamped_and_rounded() {
+        let data = vec![-1.0, 0.0, 0.499 / 255.0, 0.501 / 255.0, 1.0, 2.0, f32::NAN, f32::INFINITY, 254.5 / 255.0];
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        write_png(&path, &RgbImage { width: 3, height: 1, data: data.clone() }).unwrap();
+        assert_eq!(bytes_of(&path), [0, 0, 0, 1, 255, 255, 0, 255, 255]);
+        write_grey(&path, 1, 9, &data).unwrap();
+        assert_eq!(bytes_of(&path), [0, 0, 0, 1, 255, 255, 0, 255, 255]);
+        let labels = [PixelLabel::Ignored, PixelLabel::Dynamic, PixelLabel::Static];
+        write_mask(&path, 3, 1, &labels).unwrap();
+        assert_eq!(bytes_of(&path).into_iter().map(PixelLabel::from_grey).collect::<Vec<_>>(), labels);
+    }
+
+    #[test]
+    fn data_of_another_size_are_refused() {
+        let path = Path::new("no/a.png");
+        for (width, height, len) in [(1, 1, 4), (0, 0, 3), (usize::MAX, 2, 3), (1 << 33, 0, 0), (0, 0, 0)] {
+            let message = write_png(path, &RgbImage { width, height, data: vec![0.0; len] }).unwrap_err().to_string();
+            assert!(message.contains("no/a.png: image"), "{message}");
+        }
+        assert!(write_grey(path, 2, 2, &[0.0; 3]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn bytes_survive(data in prop::collection::vec(any::<u8>(), 12)) {
+            let image = RgbImage { width: 2, height: 2, data: data.iter().map(|&b| f32::from(b) / 255.0).collect() };
+            let png = encode_png(Path::new("a.png"), &image).unwrap();
+            prop_assert_eq!(image::load_from_memory(&png).unwrap().into_bytes(), data);
+        }
+    }
+}

@@ -149,3 +149,28 @@ pub fn load(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -> Resu
 fn to_usize(side: u32) -> usize {
     usize::try_from(side).unwrap_or(usize::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_size_is_height_x_width() {
+        let size: ImageSize = "304x484".parse().unwrap();
+        assert_eq!((size.height, size.width, size.to_string()), (304, 484, "304x484".to_owned()));
+        for bad in
+            ["", "x", "3", "3x", "x3", "0x3", "3x0", "-3x3", "+3x3", "3x3x3", "3X3", " 3x3", "16385x1", "3x99999999999"]
+        {
+            let message = bad.parse::<ImageSize>().unwrap_err().to_string();
+            assert!(message.starts_with("expected HxW") && message.ends_with(&format!("found `{bad}`")), "{message}");
+        }
+    }
+
+    #[test]
+    fn grey_values_and_labels_belong_together() {
+        for label in [PixelLabel::Ignored, PixelLabel::Dynamic, PixelLabel::Static] {
+            assert_eq!(PixelLabel::from_grey(label.grey()), label);
+        }
+        assert_eq!([1, 254].map(PixelLabel::from_grey), [PixelLabel::Dynamic; 2]);
+    }
+}

@@ -60,13 +60,16 @@ impl Source<'_> {
 
     /// Colours, ignored share and moving share of one pixel.
     fn pixel(&self, index: usize) -> [f32; LABELLED] {
-        let rgb = [0, 1, 2].map(|c| f32::from(self.rgb[index * COLOUR + c]) / 255.0);
-        let (ignored, dynamic) = match self.mask.as_ref().map(|mask| PixelLabel::from_grey(mask[index])) {
-            None | Some(PixelLabel::Static) => (0.0, 0.0),
-            Some(PixelLabel::Ignored) => (1.0, 0.0),
-            Some(PixelLabel::Dynamic) => (0.0, 1.0),
-        };
-        [rgb[0], rgb[1], rgb[2], ignored, dynamic]
+        let [r, g, b] = [0, 1, 2].map(|c| f32::from(self.rgb[index * COLOUR + c]) / 255.0);
+        match self.label(index) {
+            PixelLabel::Static => [r, g, b, 0.0, 0.0],
+            PixelLabel::Ignored => [r, g, b, 1.0, 0.0],
+            PixelLabel::Dynamic => [r, g, b, 0.0, 1.0],
+        }
+    }
+
+    fn label(&self, index: usize) -> PixelLabel {
+        self.mask.as_ref().map_or(PixelLabel::Static, |mask| PixelLabel::from_grey(mask[index]))
     }
 
     /// The bilinear sample at `(u, v)` (centres at +0.5); `None` outside the image.
@@ -79,18 +82,29 @@ impl Source<'_> {
         let (x0, y0) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
         let (x1, y1) = ((x0 + 1).min(self.width - 1), (y0 + 1).min(self.height - 1));
         let (fx, fy) = ((x - x0 as f64).min(1.0) as f32, (y - y0 as f64).min(1.0) as f32);
+        let (top, bottom) = (y0 * self.width, y1 * self.width);
+        let taps = [
+            (top + x0, (1.0 - fx) * (1.0 - fy)),
+            (top + x1, fx * (1.0 - fy)),
+            (bottom + x0, (1.0 - fx) * fy),
+            (bottom + x1, fx * fy),
+        ];
         let mut sum = [0.0; LABELLED];
-        let mut ignored = 0.0;
-        for (yi, wy) in [(y0, 1.0 - fy), (y1, fy)] {
-            for (xi, wx) in [(x0, 1.0 - fx), (x1, fx)] {
-                let pixel = self.pixel(yi * self.width + xi);
-                sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += wx * wy * p);
-                if wx * wy > MIN_TAP && pixel[3] > 0.0 {
-                    ignored = 1.0;
+        for (index, weight) in taps {
+            let bytes = &self.rgb[index * COLOUR..][..COLOUR];
+            sum.iter_mut().zip(bytes).for_each(|(s, &b)| *s += weight * f32::from(b));
+        }
+        sum.iter_mut().for_each(|s| *s /= 255.0);
+        if self.mask.is_some() {
+            for (index, weight) in taps {
+                match self.label(index) {
+                    PixelLabel::Static => {}
+                    PixelLabel::Dynamic => sum[4] += weight,
+                    PixelLabel::Ignored if weight > MIN_TAP => sum[3] = 1.0,
+                    PixelLabel::Ignored => {}
                 }
             }
         }
-        sum[3] = ignored;
         Some(sum)
     }
 
@@ -193,3 +207,6 @@ impl Axis {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

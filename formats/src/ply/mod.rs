@@ -23,6 +23,8 @@
 
 mod header;
 mod read;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use read::read_ply;

@@ -16,8 +16,12 @@ use header::{Header, Property, Scalar};
 /// A file that is missing, a header or a length that the layout does not allow, a property that is missing, a value
 /// that is not finite (by the property and the index of the splat).
 pub fn read_ply(path: &Path) -> Result<SplatCloud> {
-    let bytes = read_file(path, MAX_DATA_BYTES)?;
-    let header = header::parse(path, &bytes)?;
+    from_bytes(path, &read_file(path, MAX_DATA_BYTES)?)
+}
+
+/// The cloud that the bytes of a file describe; `path` is what errors name.
+pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<SplatCloud> {
+    let header = header::parse(path, bytes)?;
     let records = &bytes[header.length..];
     check_length(path, &header, records)?;
     let table = Table { path, header: &header, records };

@@ -15,6 +15,11 @@ use crate::{
 /// Columns of different lengths, a value that is not finite, an extra column whose name is taken or is not one word
 /// of printable ASCII, and a path that cannot be written to.
 pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
+    write_atomic(path, &to_bytes(path, cloud)?)
+}
+
+/// The bytes of the file; `path` is what errors name.
+pub(super) fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
     check_lengths(path, cloud)?;
     check_extra_names(path, cloud)?;
     let extra_names = cloud.extra.iter().map(|(name, _)| name.as_str());
@@ -39,7 +44,7 @@ pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
             bytes.extend_from_slice(&value.to_le_bytes());
         }
     }
-    write_atomic(path, &bytes)
+    Ok(bytes)
 }
 
 /// The values of one splat in the order of [`fixed_names`].
