@@ -1,1 +1,117 @@
 //! The rendering loss: value and gradient by the rendered images.
+//!
+//! `0.8 L1 + 0.2 (1 - SSIM) + 0.01 depth + 0.01 velocity`. Pixels whose label is `Ignored` take no part: for colours the
+//! truth stands in for what was rendered there, so they cost nothing and have no gradient, the mean absolute error is over
+//! the other pixels, and the mean similarity over the window centres that are not ignored.
+
+mod depth;
+mod l1;
+pub mod ssim;
+mod velocity;
+
+use std::cell::RefCell;
+
+use lgs_formats::image::PixelLabel;
+
+use crate::{
+    render::{ImageGradient, Rendered},
+    views::View,
+};
+pub(crate) use depth::depth_errors;
+use ssim::ImagePair;
+pub use velocity::velocity_loss;
+
+/// Weights of the terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossWeights {
+    /// Of the mean absolute colour error.
+    pub l1: f32,
+    /// Of `1 - SSIM`.
+    pub ssim: f32,
+    /// Of the mean absolute error of the expected depth, per metre.
+    pub depth: f32,
+    /// Of the mean speed, per metre a second.
+    pub velocity: f32,
+}
+
+impl Default for LossWeights {
+    fn default() -> Self {
+        Self { l1: 0.8, ssim: 0.2, depth: 0.01, velocity: 0.01 }
+    }
+}
+
+/// The terms of one image's loss, unweighted, and their weighted sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossTerms {
+    /// Mean absolute colour error.
+    pub l1: f64,
+    /// Mean structural similarity; `None` for an image smaller than its window, or all of whose centres are ignored. The
+    /// term is then absent from the loss.
+    pub ssim: Option<f64>,
+    /// Mean absolute error of the expected depth, metres; 0 without a depth sample.
+    pub depth: f64,
+    /// Weighted sum of the terms above.
+    pub total: f64,
+}
+
+/// Loss of one rendered view, and its gradient by the rendered colours and the expected depth.
+///
+/// # Shapes
+/// `rendered` has the size of `view`. Gradient: `rgb` `[H, W, 3]`, `expected_depth` `[H, W]` or empty; `alpha` and `depth`
+/// empty (zeros).
+///
+/// # Formula
+/// `l1 L1 + ssim (1 - SSIM) + depth D`; the velocity term is [`velocity_loss`].
+///
+/// # Gradient
+/// Exact; the truth and the LiDAR are constants. A rendered value that is not finite makes the terms that see it, and
+/// `total`, not finite: callers that go on with the gradient look at `total` first.
+pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (LossTerms, ImageGradient) {
+    let labels = view.labels.as_deref().filter(|labels| labels.contains(&PixelLabel::Ignored));
+    let mut filled = FILLED.with(RefCell::take);
+    let colours: &[f32] = match labels {
+        Some(labels) => {
+            fill_ignored(&rendered.rgb, &view.image.data, labels, &mut filled);
+            &filled
+        }
+        None => &rendered.rgb,
+    };
+    let (width, height) = (rendered.width, rendered.height);
+    let pair = ImagePair { truth: &view.image.data, rendered: colours, width, height };
+    let mut rgb = vec![0.0; colours.len()];
+    let num_ignored = labels.map_or(0, |l| l.iter().filter(|&&label| label == PixelLabel::Ignored).count());
+    let l1 = l1::l1(colours, pair.truth, colours.len() - 3 * num_ignored, weights.l1, &mut rgb);
+    let ssim = ssim::add_ssim_gradient(&pair, labels, -weights.ssim, &mut rgb);
+    if let Some(labels) = labels {
+        let ignored = rgb.chunks_exact_mut(3).zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);
+        ignored.for_each(|(gradient, _)| gradient.fill(0.0));
+    }
+    let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
+    let total = f64::from(weights.l1) * l1
+        + ssim.map_or(0.0, |ssim| f64::from(weights.ssim) * (1.0 - ssim))
+        + f64::from(weights.depth) * depth;
+    FILLED.with(|kept| kept.replace(filled));
+    (LossTerms { l1, ssim, depth, total }, ImageGradient { rgb, expected_depth, ..ImageGradient::default() })
+}
+
+thread_local! {
+    /// Colours of the last call that had ignored pixels, kept for its pages.
+    static FILLED: RefCell<Vec<f32>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Writes the rendered colours to `filled`, with the truth in place of the ignored ones.
+///
+/// # Shapes
+/// `rendered`, `truth` and `filled` `[H, W, 3]`, `labels` `[H, W]`.
+pub(crate) fn fill_ignored(rendered: &[f32], truth: &[f32], labels: &[PixelLabel], filled: &mut Vec<f32>) {
+    filled.clear();
+    filled.extend_from_slice(rendered);
+    for ((colour, true_colour), label) in filled.chunks_exact_mut(3).zip(truth.chunks_exact(3)).zip(labels) {
+        if *label == PixelLabel::Ignored {
+            colour.copy_from_slice(true_colour);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
