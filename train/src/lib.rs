@@ -1,1 +1,4 @@
-//! x
+//! Training: scenes that we can make and measure.
+
+pub mod error;
+pub mod scenes;

@@ -23,6 +23,8 @@ use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 use tiles::TileLists;
 
+pub mod reference;
+
 /// A rendered image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendered {

@@ -1,0 +1,12 @@
+//! The command line as a process.
+
+mod flags;
+mod hostile_clips;
+mod infer;
+mod real_clips;
+
+use libtest_mimic::Trial;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    [infer::cases(), flags::cases(), hostile_clips::cases(), real_clips::cases()].into_iter().flatten().collect()
+}

@@ -1,0 +1,22 @@
+//! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
+
+mod cli;
+mod golden;
+mod readme;
+mod render;
+mod structure;
+
+use std::process::ExitCode;
+
+use libtest_mimic::{Arguments, Trial};
+
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let mut cases: Vec<Trial> = Vec::new();
+    cases.extend(golden::cases());
+    cases.extend(render::cases());
+    cases.extend(structure::cases());
+    cases.extend(cli::cases());
+    cases.extend(readme::cases());
+    libtest_mimic::run(&arguments, cases).exit_code()
+}

@@ -1,0 +1,41 @@
+//! Goldens: values that other implementations computed, with their inputs.
+
+pub mod render;
+pub mod tensors;
+
+use std::fs;
+use std::path::PathBuf;
+
+use crate::places;
+
+/// A golden file and the prefix of its cases' names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GoldenFile {
+    /// `golden::<kind>::<stem>`, with `given::` before the stem for a file of `$LGS_GOLDEN_DIR`.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+}
+
+/// The golden files of a kind with an extension, the shipped ones first, each group by name. Files that start with
+/// `bench_` hold inputs to time and no values.
+///
+/// # Errors
+/// A directory that ought to be there cannot be read.
+pub fn files(kind: &str, extension: &str) -> Result<Vec<GoldenFile>, String> {
+    let shipped = (format!("golden::{kind}::"), places::shipped_goldens(kind));
+    let given = places::given_goldens(kind).map(|dir| (format!("golden::{kind}::given::"), dir));
+    let mut all = Vec::new();
+    for (prefix, directory) in [Some(shipped), given].into_iter().flatten() {
+        let entries = fs::read_dir(&directory).map_err(|e| format!("{}: {e}", directory.display()))?;
+        let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.sort();
+        for path in paths.into_iter().filter(|p| p.extension().is_some_and(|e| e == extension)) {
+            let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            if !stem.starts_with("bench_") {
+                all.push(GoldenFile { name: format!("{prefix}{stem}"), path });
+            }
+        }
+    }
+    Ok(all)
+}

@@ -1,0 +1,50 @@
+//! What the suite and the benches share: places, goldens, comparisons, scenes, processes.
+
+pub mod clips;
+pub mod compare;
+pub mod golden;
+pub mod metrics;
+pub mod pictures;
+pub mod places;
+pub mod process;
+pub mod random;
+pub mod readme;
+pub mod scenes;
+pub mod sources;
+pub mod views;
+
+/// Result of one case; the error is what the report prints.
+pub type Outcome = Result<(), libtest_mimic::Failed>;
+
+/// A case that runs.
+pub fn case(name: impl Into<String>, body: impl FnOnce() -> Outcome + Send + 'static) -> libtest_mimic::Trial {
+    libtest_mimic::Trial::test(name, body)
+}
+
+/// A case that runs when `needed` is there and shows as ignored, with what is missing as its kind, when it is not.
+pub fn case_if(
+    needed: &Needed,
+    name: impl Into<String>,
+    body: impl FnOnce() -> Outcome + Send + 'static,
+) -> libtest_mimic::Trial {
+    match needed {
+        Needed::Here => case(name, body),
+        Needed::Missing(what) => case(name, body).with_kind(format!("needs {what}")).with_ignored_flag(true),
+    }
+}
+
+/// Whether what a case needs is on this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Needed {
+    /// It is.
+    Here,
+    /// It is not; the name of what is missing.
+    Missing(String),
+}
+
+impl Needed {
+    /// Whether a file or directory exists; `name` is how the report calls it.
+    pub fn path(path: &std::path::Path, name: &str) -> Self {
+        if path.exists() { Self::Here } else { Self::Missing(name.to_owned()) }
+    }
+}

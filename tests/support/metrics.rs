@@ -1,0 +1,83 @@
+//! `metrics.json` as its readers rely on it.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::Outcome;
+
+/// The figures of a view.
+pub const FIGURES: [&str; 8] =
+    ["psnr", "ssim", "lpips", "dmae", "psnr_dynamic", "ssim_dynamic", "psnr_static", "ssim_static"];
+const TOP: [&str; 12] = [
+    "format",
+    "clip",
+    "config",
+    "weights",
+    "threads",
+    "seed",
+    "gaussians",
+    "stages_s",
+    "reconstruction_s",
+    "peak_rss_mb",
+    "views",
+    "mean",
+];
+const GAUSSIANS: [&str; 5] = ["initial", "pruned", "added", "final", "background"];
+const STAGES: [&str; 9] =
+    ["load", "points", "backbone", "query", "policy", "set_update", "refine", "render", "evaluate"];
+
+/// The `metrics.json` of an output directory.
+///
+/// # Errors
+/// It cannot be read.
+pub fn read(out: &Path) -> Result<Value, String> {
+    let path = out.join("metrics.json");
+    let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// The number at a path of keys.
+///
+/// # Errors
+/// There is none.
+pub fn number(page: &Value, keys: &[&str]) -> Result<f64, String> {
+    let place = keys.iter().fold(page, |value, key| &value[*key]);
+    place.as_f64().ok_or_else(|| format!("{} is no number but {place}", keys.join(".")))
+}
+
+/// The page without times, memory and the number of threads: what must not depend on the machine.
+pub fn without_costs(page: &Value) -> Value {
+    let mut page = page.clone();
+    if let Some(keys) = page.as_object_mut() {
+        for cost in ["stages_s", "reconstruction_s", "peak_rss_mb", "threads"] {
+            keys.remove(cost);
+        }
+    }
+    page
+}
+
+/// Fails unless every object of the page has exactly the keys that its readers know.
+pub fn expect_promised_keys(page: &Value) -> Outcome {
+    expect_keys("metrics.json", page, &TOP)?;
+    expect_keys("gaussians", &page["gaussians"], &GAUSSIANS)?;
+    expect_keys("stages_s", &page["stages_s"], &STAGES)?;
+    expect_keys("mean", &page["mean"], &["input", "held_out"])?;
+    expect_keys("mean.input", &page["mean"]["input"], &FIGURES)?;
+    expect_keys("mean.held_out", &page["mean"]["held_out"], &FIGURES)?;
+    let view_keys = [["frame", "camera", "role"].as_slice(), &FIGURES].concat();
+    let views = page["views"].as_array().ok_or("views is no list")?;
+    for (i, view) in views.iter().enumerate() {
+        expect_keys(&format!("views[{i}]"), view, &view_keys)?;
+    }
+    if views.is_empty() { Err("views is empty".into()) } else { Ok(()) }
+}
+
+fn expect_keys(what: &str, object: &Value, want: &[&str]) -> Outcome {
+    let object = object.as_object().ok_or_else(|| format!("{what} is no object"))?;
+    let got: BTreeSet<&str> = object.keys().map(String::as_str).collect();
+    let want: BTreeSet<&str> = want.iter().copied().collect();
+    if got == want { Ok(()) } else { Err(format!("{what}: keys {got:?}, want {want:?}").into()) }
+}

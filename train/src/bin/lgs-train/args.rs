@@ -1,0 +1,257 @@
+//! What the command line says; nothing here acts.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use lgs_formats::image::ImageSize;
+use lgs_train::scenes::{
+    SceneConfig, Split,
+    export::{Export, ImageFormat},
+    presets,
+    rig::{CAMERA_PLACES, CameraSpec, Rig},
+};
+
+/// Makes scenes to train and measure on.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "lgs-train", version, about)]
+pub(crate) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// What to do.
+#[derive(Clone, Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Makes procedural street clips (lgs-clip/1 directories)
+    Scenes(ScenesArgs),
+}
+
+/// Flags of `scenes`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ScenesArgs {
+    /// Directory that receives one clip directory per scene; a clip directory that exists and is not empty is refused
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Number of scenes
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub(crate) count: u64,
+    /// Number of the first scene in its split; the others follow it
+    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=Split::MAX_NUMBER / 2))]
+    pub(crate) seed: u64,
+    /// Set that the scenes belong to; no two sets share a scene
+    #[arg(long, value_enum, default_value_t = SplitArg::Train)]
+    pub(crate) split: SplitArg,
+    /// What scenes are like: varied draws every aspect from the seed, street is the small clip that ships
+    #[arg(long, value_enum, default_value_t = Preset::Varied)]
+    pub(crate) preset: Preset,
+    /// Name of the clip and of its directory [default: split and scene number, as train-000007]; needs --count 1
+    #[arg(long, value_name = "NAME", value_parser = parse_name)]
+    pub(crate) name: Option<String>,
+    /// Timestamps per clip, 1..=1000 [default: the preset's]
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<usize>,
+    /// Time between timestamps, seconds, 0.01..=2 [default: the preset's]
+    #[arg(long, value_name = "S")]
+    pub(crate) interval: Option<f64>,
+    /// Cameras, 1..=6: front, front_left, front_right, side_left, side_right, rear [default: the preset's]
+    #[arg(long, value_name = "N", value_parser = parse_cameras)]
+    pub(crate) cameras: Option<usize>,
+    /// Size of all images, pixels [default: the preset's: 256x512 for varied, 192x320 for street]
+    #[arg(long, value_name = "HxW")]
+    pub(crate) image_size: Option<ImageSize>,
+    /// LiDAR beams, 1..=256 [default: the preset's]
+    #[arg(long, value_name = "N")]
+    pub(crate) beams: Option<usize>,
+    /// LiDAR rays of a beam and sweep, 1..=8192 [default: the preset's]
+    #[arg(long, value_name = "N")]
+    pub(crate) azimuths: Option<usize>,
+    /// How images are stored: png, or jpeg:Q of quality Q in 1..=100 [default: png for varied, jpeg:80 for street]
+    #[arg(long, value_name = "png|jpeg:Q", value_parser = parse_images)]
+    pub(crate) images: Option<ImageFormat>,
+    /// Writes a mask of moving pixels beside every image
+    #[arg(long)]
+    pub(crate) masks: bool,
+    /// Threads [default: all cores]; the clips do not depend on it
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
+    pub(crate) threads: Option<usize>,
+    /// Prints the summary as one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// A set of scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SplitArg {
+    /// Scenes to learn from
+    Train,
+    /// Scenes to choose by
+    Validation,
+    /// Scenes to measure on
+    Test,
+}
+
+impl From<SplitArg> for Split {
+    fn from(split: SplitArg) -> Self {
+        match split {
+            SplitArg::Train => Self::Train,
+            SplitArg::Validation => Self::Validation,
+            SplitArg::Test => Self::Test,
+        }
+    }
+}
+
+/// A family of configurations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Preset {
+    /// Every aspect drawn from the seed
+    Varied,
+    /// The small clip that ships
+    Street,
+}
+
+/// A clip to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PlannedScene {
+    /// The scene.
+    pub(crate) config: SceneConfig,
+    /// How it is written.
+    pub(crate) export: Export,
+    /// Where to.
+    pub(crate) dir: PathBuf,
+}
+
+impl ScenesArgs {
+    /// The clips that the flags ask for, in order.
+    ///
+    /// # Errors
+    /// `--name` with several scenes.
+    pub(crate) fn plan(&self) -> Result<Vec<PlannedScene>, String> {
+        if self.name.is_some() && self.count > 1 {
+            return Err(format!("--name: expected --count 1, found --count {}", self.count));
+        }
+        Ok((self.seed..self.seed + self.count).map(|number| self.scene(number)).collect())
+    }
+
+    fn scene(&self, number: u64) -> PlannedScene {
+        let split = Split::from(self.split);
+        let name = self.name.clone().unwrap_or_else(|| format!("{}-{number:06}", split.name()));
+        let (config, default_images) = match self.preset {
+            Preset::Varied => (presets::varied(split.seed(number)), ImageFormat::Png),
+            Preset::Street => (presets::street_clip(split.seed(number)), ImageFormat::Jpeg(80)),
+        };
+        let images = self.images.unwrap_or(default_images);
+        PlannedScene {
+            config: self.overridden(config),
+            dir: self.out.join(&name),
+            export: Export { name, images, masks: self.masks },
+        }
+    }
+
+    fn overridden(&self, mut config: SceneConfig) -> SceneConfig {
+        config.num_frames = self.frames.unwrap_or(config.num_frames);
+        config.frame_interval_s = self.interval.unwrap_or(config.frame_interval_s);
+        if let Some(num) = self.cameras {
+            resize_rig(&mut config.rig, num);
+        }
+        if let Some(size) = self.image_size {
+            for camera in &mut config.rig.cameras {
+                (camera.height, camera.width) = (size.height, size.width);
+            }
+        }
+        let lidar = &mut config.rig.lidar;
+        lidar.num_beams = self.beams.unwrap_or(lidar.num_beams);
+        lidar.num_azimuths = self.azimuths.unwrap_or(lidar.num_azimuths);
+        config
+    }
+}
+
+/// Drops the last cameras of a rig, or adds further ones like its first.
+fn resize_rig(rig: &mut Rig, num: usize) {
+    rig.cameras.truncate(num);
+    let first = rig.cameras.first().cloned();
+    for (name, yaw) in CAMERA_PLACES.into_iter().take(num).skip(rig.cameras.len()) {
+        let mut camera = CameraSpec::at_place((name, yaw), 256, 512, 60.0);
+        if let Some(first) = &first {
+            camera = CameraSpec {
+                position: [camera.position[0], camera.position[1], first.position[2]],
+                name: camera.name,
+                yaw_deg: yaw,
+                ..first.clone()
+            };
+        }
+        rig.cameras.push(camera);
+    }
+}
+
+fn parse_cameras(text: &str) -> Result<usize, String> {
+    let most = CAMERA_PLACES.len();
+    text.parse().ok().filter(|n| (1..=most).contains(n)).ok_or_else(|| format!("expected 1..={most}"))
+}
+
+fn parse_images(text: &str) -> Result<ImageFormat, String> {
+    if text == "png" {
+        return Ok(ImageFormat::Png);
+    }
+    let quality = text.strip_prefix("jpeg:").and_then(|q| q.parse().ok()).filter(|q| (1..=100).contains(q));
+    quality.map(ImageFormat::Jpeg).ok_or_else(|| "expected png or jpeg:Q with Q in 1..=100".to_owned())
+}
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| (1..=1024).contains(n)).ok_or_else(|| "expected 1..=1024".to_owned())
+}
+
+fn parse_name(text: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !text.is_empty() && text.chars().all(plain) {
+        return Ok(text.to_owned());
+    }
+    Err("expected letters, digits, `_` and `-`".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> ScenesArgs {
+        let Command::Scenes(args) = Cli::try_parse_from(line.split(' ')).unwrap().command;
+        args
+    }
+
+    #[test]
+    fn flags_override_the_preset() {
+        let args =
+            parse("lgs-train scenes --out o --count 2 --seed 7 --frames 3 --cameras 4 --image-size 64x96 --beams 8");
+        let plan = args.plan().unwrap();
+        assert_eq!(plan.len(), 2);
+        assert_eq!(plan[1].dir, PathBuf::from("o/train-000008"));
+        for scene in &plan {
+            let rig = &scene.config.rig;
+            assert_eq!((scene.config.num_frames, rig.cameras.len(), rig.lidar.num_beams), (3, 4, 8));
+            assert!(rig.cameras.iter().all(|c| (c.height, c.width) == (64, 96)));
+            scene.config.validate().unwrap();
+        }
+        assert_ne!(plan[0].config.seed, plan[1].config.seed);
+    }
+
+    #[test]
+    fn splits_share_no_seed() {
+        let seed = |split: &str| {
+            parse(&format!("lgs-train scenes --out o --seed 3 --split {split}")).plan().unwrap()[0].config.seed
+        };
+        assert!(
+            seed("train") != seed("test") && seed("test") != seed("validation") && seed("train") != seed("validation")
+        );
+    }
+
+    #[test]
+    fn bad_flags_are_refused() {
+        for flags in
+            ["--cameras 9", "--count 0", "--name a/b", "--image-size 3", "--images jpeg:0", "--threads 0", "--nope"]
+        {
+            let line = format!("lgs-train scenes --out o {flags}");
+            assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{flags}");
+        }
+        assert!(parse("lgs-train scenes --out o --name a --count 2").plan().is_err());
+    }
+}

@@ -1,0 +1,243 @@
+//! The street of a seed: where houses, trees, furniture and traffic stand.
+
+use glam::{DVec3, Vec3};
+use lgs_formats::pose::Pose;
+
+use super::{
+    buildings,
+    config::SceneConfig,
+    dice::Dice,
+    furniture::Furniture,
+    ground::Ground,
+    material::{Material, colour},
+    maths::{narrow, rotation_z},
+    object::{Object, Palette},
+    primitive::{Part, Primitive},
+    road::Road,
+    shapes::Shape,
+    traffic,
+    trees::Foliage,
+};
+
+/// Part of the street that is built up, along the middle line (metres).
+const BUILT: [f64; 2] = [-80.0, 210.0];
+
+/// Part of the street with trees and furniture (metres).
+const FURNISHED: [f64; 2] = [-60.0, 170.0];
+
+/// Independent streams of draws of one seed.
+pub(crate) mod streams {
+    pub(crate) const CONFIG: u64 = 0;
+    pub(crate) const HOUSES: u64 = 1;
+    pub(crate) const TREES: u64 = 2;
+    pub(crate) const FURNITURE: u64 = 3;
+    pub(crate) const PARKED: u64 = 4;
+    pub(crate) const TRAFFIC: u64 = 5;
+    pub(crate) const GROUND: u64 = 6;
+    pub(crate) const BACKDROP: u64 = 7;
+    pub(crate) const LIGHT: u64 = 8;
+    /// Plus frame * 2^16 + beam.
+    pub(crate) const LIDAR: u64 = 1 << 40;
+}
+
+/// All that a street holds.
+#[derive(Debug)]
+pub(crate) struct Layout {
+    pub(crate) ground: Ground,
+    pub(crate) materials: Vec<Material>,
+    /// What stands still, parked cars included.
+    pub(crate) statics: Vec<Primitive>,
+    /// Everything with a track; parked cars too.
+    pub(crate) objects: Vec<Object>,
+    pub(crate) ego: super::motion::EgoMotion,
+}
+
+/// A street while it is being built.
+struct Builder<'a> {
+    config: &'a SceneConfig,
+    road: Road,
+    palette: Palette,
+    statics: Vec<Primitive>,
+    crossings: Vec<f64>,
+}
+
+impl Layout {
+    /// The street of a configuration that is valid.
+    pub(crate) fn new(config: &SceneConfig) -> Self {
+        let street = &config.street;
+        let road = Road {
+            curvature: street.curvature,
+            lane_width: street.lane_width_m,
+            num_lanes: street.num_lanes,
+            parking_width: if street.parking { 2.2 } else { 0.0 },
+            pavement_width: street.pavement_m,
+            kerb_height: 0.13,
+        };
+        let mut dice = Dice::new(config.seed, streams::GROUND);
+        let mut crossings = Vec::new();
+        let mut s = dice.uniform(12.0, 45.0);
+        while s < FURNISHED[1] {
+            crossings.push(s);
+            s += dice.uniform(45.0, 100.0);
+        }
+        let ground = ground(config, road, &crossings, &mut dice);
+        let mut builder = Builder { config, road, palette: Palette::default(), statics: Vec::new(), crossings };
+        builder.houses();
+        builder.backdrop();
+        builder.trees();
+        builder.furniture();
+        let traffic = traffic::Traffic::new(config, &road, &builder.crossings, &mut builder.palette);
+        for (k, object) in (0_u32..).zip(&traffic.objects) {
+            if !object.is_mobile() {
+                let pose = object.motion.at(&road, 0.0).pose;
+                builder.statics.extend(object.model.parts.iter().map(|part| part.placed(&pose, Some(k))));
+            }
+        }
+        let Builder { palette, statics, .. } = builder;
+        Self { ground, materials: palette.0, statics, objects: traffic.objects, ego: traffic.ego }
+    }
+}
+
+fn ground(config: &SceneConfig, road: Road, crossings: &[f64], dice: &mut Dice) -> Ground {
+    let grey = dice.uniform32(0.30, 0.42);
+    let stone = dice.uniform32(0.54, 0.68);
+    let warmth = dice.uniform32(0.9, 1.0);
+    let green = dice.uniform32(0.38, 0.5);
+    Ground {
+        road,
+        texture_scale: narrow(config.street.texture_scale),
+        asphalt: colour(grey, grey, grey * dice.uniform32(0.98, 1.04)),
+        paving: colour(stone, stone * (0.5 + 0.5 * warmth), stone * warmth),
+        verge: colour(0.8 * green, green, 0.5 * green),
+        slab: dice.pick(&[0.5, 0.6, 0.9]),
+        crossings: crossings.iter().map(|&s| narrow(s)).collect(),
+        seed: dice.bits(),
+    }
+}
+
+impl Builder<'_> {
+    /// Stands `parts` at `(s, d)`, turned by `heading` from the street's direction.
+    fn place(&mut self, parts: &[Part], s: f64, d: f64, heading: f64) {
+        let height = if d.abs() > self.road.kerb_offset() { self.road.kerb_height } else { 0.0 };
+        let frame = self.road.frame(s, d, height);
+        let pose = Pose::new(frame.rotation() * rotation_z(heading), frame.translation());
+        self.statics.extend(parts.iter().map(|part| part.placed(&pose, None)));
+    }
+
+    /// Heading that looks from a side (1 left, -1 right) at the street.
+    fn inward(side: f64) -> f64 {
+        -side * std::f64::consts::FRAC_PI_2
+    }
+
+    fn is_free(&self, s: f64) -> bool {
+        self.crossings.iter().all(|&at| (s - at).abs() > 4.0)
+    }
+
+    fn houses(&mut self) {
+        let street = &self.config.street;
+        let mut dice = Dice::new(self.config.seed, streams::HOUSES);
+        let foliage = Foliage::new(&mut Dice::new(self.config.seed, streams::TREES));
+        for side in [1.0, -1.0] {
+            let line = side * self.road.building_offset();
+            let mut s = BUILT[0] + dice.uniform(-6.0, 0.0);
+            while s < BUILT[1] {
+                let plot = dice.uniform(7.0, 17.0);
+                let width = plot * (1.0 - self.road.curvature * line);
+                let middle = s + 0.5 * plot;
+                if dice.chance(street.open_plots) {
+                    let hedge = foliage.hedge(&mut dice, &mut self.palette, width - 1.0);
+                    self.place(&hedge, middle, line + side * 0.6, 0.0);
+                    let tree = foliage.tree(&mut dice, &mut self.palette);
+                    let back = dice.uniform(4.0, 8.0);
+                    self.place(&tree, middle + dice.uniform(-2.0, 2.0), line + side * back, dice.uniform(0.0, 6.0));
+                } else {
+                    let house = buildings::house(street, width, &mut dice, &mut self.palette);
+                    self.place(&house, middle, line + side * dice.uniform(0.0, 0.35), Self::inward(side));
+                }
+                s += plot;
+            }
+        }
+        if dice.chance(0.6) {
+            let mut d = -45.0;
+            while d < 45.0 {
+                let width = dice.uniform(9.0, 16.0);
+                let house = buildings::house(street, width, &mut dice, &mut self.palette);
+                self.place(&house, BUILT[1] + 8.0, d + 0.5 * width, std::f64::consts::PI);
+                d += width;
+            }
+        }
+    }
+
+    /// Hills around, and tall houses behind the first row.
+    fn backdrop(&mut self) {
+        let mut dice = Dice::new(self.config.seed, streams::BACKDROP);
+        let wood = self.palette.add(Material::Paint { colour: colour(0.30, 0.40, 0.24), grain: 0.8, frequency: 0.12 });
+        for k in 0..16 {
+            let bearing = f64::from(k) * std::f64::consts::TAU / 16.0 + dice.uniform(-0.15, 0.15);
+            let radii = Vec3::new(dice.uniform32(60.0, 130.0), dice.uniform32(60.0, 120.0), dice.uniform32(12.0, 42.0));
+            let hill = Part::new(Shape::Ellipsoid { radii }, DVec3::X * dice.uniform(380.0, 480.0), wood);
+            let pose = Pose::new(rotation_z(bearing), DVec3::new(60.0, 0.0, -3.0));
+            self.statics.push(hill.seeded(dice.bits()).placed(&pose, None));
+        }
+        let tall = super::config::StreetSpec { floors: [4, 9], ..self.config.street.clone() };
+        for _ in 0..dice.between(4, 12) {
+            let side = if dice.chance(0.5) { 1.0 } else { -1.0 };
+            let house = buildings::house(&tall, dice.uniform(12.0, 22.0), &mut dice, &mut self.palette);
+            self.place(&house, dice.uniform(-20.0, 200.0), side * dice.uniform(42.0, 95.0), Self::inward(side));
+        }
+    }
+
+    fn trees(&mut self) {
+        let mut dice = Dice::new(self.config.seed, streams::TREES);
+        let foliage = Foliage::new(&mut dice);
+        let spacing = self.config.street.tree_spacing_m;
+        let d = self.road.kerb_offset() + 0.8;
+        for side in [1.0, -1.0] {
+            let mut s = FURNISHED[0] + dice.uniform(0.0, spacing);
+            while s < FURNISHED[1] {
+                if self.is_free(s) {
+                    let tree = foliage.tree(&mut dice, &mut self.palette);
+                    self.place(&tree, s, side * d, dice.uniform(0.0, 6.0));
+                }
+                s += spacing * dice.uniform(0.7, 1.4);
+            }
+        }
+    }
+
+    fn furniture(&mut self) {
+        let mut dice = Dice::new(self.config.seed, streams::FURNITURE);
+        let furniture = Furniture::new(&mut dice, &mut self.palette);
+        let (kerb, wall) = (self.road.kerb_offset(), self.road.building_offset());
+        let lamp = furniture.lamp_post(dice.uniform(5.0, 7.5));
+        let gap = dice.uniform(20.0, 32.0);
+        for side in [1.0, -1.0] {
+            let facing = if side > 0.0 { 0.0 } else { std::f64::consts::PI };
+            let mut s = FURNISHED[0] + if side > 0.0 { 0.0 } else { 0.5 * gap };
+            while s < FURNISHED[1] {
+                self.place(&lamp, s, side * (kerb + 0.45), Self::inward(side));
+                s += gap;
+            }
+            let mut s = FURNISHED[0] + dice.uniform(0.0, 20.0);
+            while s < FURNISHED[1] {
+                let parts = if dice.chance(0.25) {
+                    furniture.board(&mut dice, &mut self.palette)
+                } else {
+                    furniture.sign(&mut dice, &mut self.palette)
+                };
+                self.place(&parts, s, side * (kerb + dice.uniform(0.4, 0.7)), facing + dice.uniform(-0.15, 0.15));
+                s += dice.uniform(14.0, 34.0);
+            }
+            let mut s = FURNISHED[0] + dice.uniform(0.0, 8.0);
+            while s < FURNISHED[1] {
+                let parts = furniture.small(&mut dice, &mut self.palette);
+                let d = if dice.chance(0.6) { wall - 0.5 } else { kerb + 0.5 };
+                self.place(&parts, s, side * d, Self::inward(side));
+                s += dice.uniform(5.0, 16.0);
+            }
+            for at in self.crossings.clone() {
+                let light = furniture.traffic_light(&mut dice, &mut self.palette);
+                self.place(&light, at + side * 3.2, side * (kerb + 0.5), facing);
+            }
+        }
+    }
+}

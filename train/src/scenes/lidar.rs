@@ -1,0 +1,122 @@
+//! Sweeps of the spinning LiDAR at a moment.
+
+use glam::Vec3;
+use lgs_formats::{pose::Pose, sweep::Sweep};
+use rayon::prelude::*;
+
+use super::{
+    dice::Dice,
+    layout::streams,
+    maths::{narrow, narrow_mat, narrow3, rotation_y, rotation_z, smoothstep},
+    rig::LidarSpec,
+    shapes::Ray,
+    world::Moment,
+};
+
+/// Part of the rays that window glass lets pass without a return.
+const GLASS_LOSS: f32 = 0.75;
+
+/// A sweep and what is exactly known of its points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scan {
+    /// Points in the LiDAR's frame and intensities in 0..=1; beam by beam from the lowest.
+    pub sweep: Sweep,
+    /// `[N, 3]` velocity of the surface in the clip's world, m/s.
+    pub velocities: Vec<[f32; 3]>,
+    /// `[N]` the tracked object that was hit, as an index into the scene's tracks.
+    pub objects: Vec<Option<u32>>,
+}
+
+/// One ray that came back.
+#[derive(Clone, Copy, Debug)]
+struct Return {
+    point: Vec3,
+    intensity: f32,
+    velocity: Vec3,
+    object: Option<u32>,
+}
+
+/// What a sweep is taken with and from where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scanner<'a> {
+    pub(crate) spec: &'a LidarSpec,
+    pub(crate) world_from_lidar: Pose,
+    /// Turns velocities.
+    pub(crate) clip_from_world: Pose,
+    pub(crate) seed: u64,
+    pub(crate) frame: usize,
+}
+
+impl Scanner<'_> {
+    /// The sweep of a moment. Every beam has draws of its own, so that threads do not matter.
+    pub(crate) fn scan(&self, moment: &Moment) -> Scan {
+        let beams: Vec<Vec<Return>> =
+            (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(moment, beam)).collect();
+        let mut scan = Scan {
+            sweep: Sweep { points: Vec::new(), intensities: Vec::new() },
+            velocities: Vec::new(),
+            objects: Vec::new(),
+        };
+        for hit in beams.into_iter().flatten() {
+            scan.sweep.points.push(hit.point.to_array());
+            scan.sweep.intensities.push(hit.intensity);
+            scan.velocities.push(hit.velocity.to_array());
+            scan.objects.push(hit.object);
+        }
+        scan
+    }
+
+    fn beam(&self, moment: &Moment, beam: usize) -> Vec<Return> {
+        let spec = self.spec;
+        let [low, high] = spec.elevation_deg;
+        let share = if spec.num_beams > 1 { beam as f64 / (spec.num_beams - 1) as f64 } else { 0.5 };
+        let elevation = (low + (high - low) * share).to_radians();
+        let [first, end] = spec.azimuth_deg;
+        let mut dice = Dice::new(self.seed, streams::LIDAR + ((self.frame as u64) << 16) + beam as u64);
+        let origin = narrow3(self.world_from_lidar.translation());
+        let world_from_lidar = narrow_mat(self.world_from_lidar.rotation());
+        let turn = narrow_mat(self.clip_from_world.rotation());
+        (0..spec.num_azimuths)
+            .filter_map(|k| {
+                let azimuth = (first + (end - first) * k as f64 / spec.num_azimuths as f64).to_radians();
+                let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
+                let noise = narrow(dice.normal() * spec.range_noise_m);
+                let luck = dice.uniform32(0.0, 1.0);
+                let ray = Ray { origin, direction: world_from_lidar * local };
+                self.returned(moment, &ray, local, noise, luck)
+                    .map(|hit| Return { velocity: turn * hit.velocity, ..hit })
+            })
+            .collect()
+    }
+
+    /// What comes back from a ray. `luck` in 0..1 decides about losses, `noise` is added to the range.
+    fn returned(&self, moment: &Moment, ray: &Ray, local: Vec3, noise: f32, luck: f32) -> Option<Return> {
+        let [near, far] = self.spec.range_m.map(narrow);
+        let hit = moment.cast(ray, far)?;
+        if hit.t < near {
+            return None;
+        }
+        let point = ray.at(hit.t);
+        let texel = moment.texel(&hit, point, 0.01);
+        let cosine = hit.normal.dot(ray.direction).abs();
+        let brightness = texel.albedo.dot(Vec3::new(0.25, 0.55, 0.2)).clamp(0.0, 1.0);
+        let returned = brightness.sqrt() * (0.25 + 0.75 * cosine);
+        let keep = (1.0 - narrow(self.spec.dropout))
+            * (1.0 - GLASS_LOSS * texel.glass)
+            * (1.0 - 0.6 * (hit.t / far) * (hit.t / far))
+            * smoothstep(0.0, 0.03, cosine * (0.3 + returned));
+        (luck < keep).then(|| Return {
+            point: local * (hit.t + noise),
+            intensity: returned,
+            velocity: narrow3(moment.velocity(hit.target, point)),
+            object: moment.object(hit.target),
+        })
+    }
+}
+
+/// The points in camera coordinates: x right, y down, z forward.
+#[cfg(test)]
+pub(crate) fn in_camera(points: &[[f32; 3]], camera_from_lidar: &Pose) -> Vec<Vec3> {
+    let (rotation, shift) = (narrow_mat(camera_from_lidar.rotation()), narrow3(camera_from_lidar.translation()));
+    points.iter().map(|&p| rotation * Vec3::from_array(p) + shift).collect()
+}

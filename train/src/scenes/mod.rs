@@ -1,0 +1,53 @@
+//! Procedural streets: a seeded world, ray-cast cameras and a spinning LiDAR that drive through it, exact depth, velocity,
+//! labels and boxes.
+//!
+//! Everything is drawn from the seed with counter-based generators, elementary functions are libm's, and parallel work
+//! writes to its own slots: a configuration gives the same bytes everywhere.
+
+mod check;
+mod dice;
+mod maths;
+mod texture;
+
+pub mod config;
+pub mod presets;
+pub mod rig;
+
+mod primitive;
+mod shapes;
+
+mod bvh;
+
+mod motion;
+mod road;
+
+mod car_texture;
+mod facade;
+mod material;
+mod sign_texture;
+
+mod object;
+
+mod buildings;
+mod furniture;
+mod ground;
+mod trees;
+mod vehicles;
+
+mod layout;
+mod traffic;
+
+mod sky;
+
+mod world;
+
+mod camera;
+mod lidar;
+
+pub mod export;
+mod scene;
+
+pub use camera::Capture;
+pub use config::{SceneConfig, Split};
+pub use lidar::Scan;
+pub use scene::Scene;

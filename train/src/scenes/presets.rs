@@ -1,0 +1,162 @@
+//! Ready-made configurations: one drawn from a seed, and the clip that ships.
+
+use super::{
+    config::{LightSpec, Origin, SceneConfig, StreetSpec, TrafficSpec},
+    dice::Dice,
+    layout::streams,
+    rig::{CAMERA_PLACES, CameraSpec, LidarSpec, Rig},
+};
+
+/// A configuration of which every aspect is drawn from the seed: street, textures, light, traffic, sensors, time.
+/// Images have 256 x 512 pixels.
+pub fn varied(seed: u64) -> SceneConfig {
+    let mut dice = Dice::new(seed, streams::CONFIG);
+    SceneConfig {
+        seed,
+        num_frames: dice.between(4, 8),
+        frame_interval_s: if dice.chance(0.6) { 0.1 } else { dice.uniform(0.05, 0.25) },
+        box_reach_m: 80.0,
+        rig: rig(&mut dice),
+        street: street(&mut dice),
+        traffic: traffic(&mut dice),
+        light: light(&mut dice),
+        origin: origin(&mut dice),
+    }
+}
+
+fn rig(dice: &mut Dice) -> Rig {
+    let num_cameras = dice.pick(&[1, 2, 3, 3, 3, 5]);
+    let (fov, spread, pitch) = (dice.uniform(48.0, 78.0), dice.uniform(0.8, 1.3), dice.uniform(-3.0, 6.0));
+    let height = dice.uniform(1.35, 2.1);
+    let late = dice.uniform(-0.02, 0.02);
+    let cameras = CAMERA_PLACES[..num_cameras]
+        .iter()
+        .map(|&(name, yaw)| {
+            let mut camera = CameraSpec::at_place((name, yaw), 256, 512, fov);
+            camera.yaw_deg = yaw * spread + dice.uniform(-2.0, 2.0);
+            camera.pitch_deg = pitch + dice.uniform(-0.5, 0.5);
+            camera.roll_deg = dice.uniform(-0.7, 0.7);
+            camera.position[2] = height;
+            camera.delay_s = late + dice.uniform(-0.01, 0.01);
+            camera
+        })
+        .collect();
+    let mut lidar = LidarSpec::spinning(dice.pick(&[16, 32, 40, 64, 64, 128]), dice.pick(&[600, 900, 1200, 1800]));
+    lidar.position[2] = height + dice.uniform(0.1, 0.4);
+    lidar.elevation_deg = [dice.uniform(-26.0, -17.0), dice.uniform(2.0, 12.0)];
+    lidar.range_noise_m = dice.uniform(0.003, 0.035);
+    lidar.dropout = dice.uniform(0.0, 0.1);
+    lidar.range_m = [1.5, dice.uniform(60.0, 120.0)];
+    Rig { cameras, lidar }
+}
+
+fn street(dice: &mut Dice) -> StreetSpec {
+    let low = dice.between(0, 2);
+    StreetSpec {
+        curvature: if dice.chance(0.3) { 0.0 } else { dice.uniform(-0.0055, 0.0055) },
+        lane_width_m: dice.uniform(3.0, 3.8),
+        num_lanes: dice.pick(&[1, 1, 1, 2]),
+        parking: dice.chance(0.75),
+        pavement_m: dice.uniform(2.2, 4.5),
+        floors: [low, low + dice.between(1, 3)],
+        open_plots: dice.uniform(0.0, 0.5),
+        tree_spacing_m: dice.uniform(8.0, 32.0),
+        texture_scale: dice.uniform(0.7, 1.9),
+    }
+}
+
+fn traffic(dice: &mut Dice) -> TrafficSpec {
+    TrafficSpec {
+        ego_speed: if dice.chance(0.1) { 0.0 } else { dice.uniform(2.0, 14.0) },
+        num_cars: dice.between(1, 7),
+        speeds: [3.0, dice.uniform(8.0, 15.0)],
+        num_people: dice.between(0, 5),
+        parked: dice.uniform(0.2, 0.9),
+    }
+}
+
+fn light(dice: &mut Dice) -> LightSpec {
+    LightSpec {
+        sun_azimuth_deg: dice.uniform(-180.0, 180.0),
+        sun_elevation_deg: dice.uniform(18.0, 70.0),
+        overcast: if dice.chance(0.3) { dice.uniform(0.6, 0.95) } else { dice.uniform(0.0, 0.4) },
+        clouds: dice.uniform(0.1, 0.9),
+        haze_m: dice.uniform(300.0, 2000.0),
+    }
+}
+
+/// Small numbers, epoch seconds or UTM metres.
+fn origin(dice: &mut Dice) -> Origin {
+    let near = Origin { position: [0.0; 3], heading_deg: 0.0, time_s: 0.0 };
+    if dice.chance(0.4) {
+        return near;
+    }
+    let mut far = Origin { heading_deg: dice.uniform(-180.0, 180.0), ..near };
+    if dice.chance(0.6) {
+        far.time_s = 1.6e9 + dice.uniform(0.0, 1e8);
+    }
+    if dice.chance(0.6) {
+        far.position = [dice.uniform(3e5, 7e5), dice.uniform(4e6, 6e6), dice.uniform(0.0, 600.0)];
+    }
+    far
+}
+
+/// The clip that ships: five timestamps at 10 Hz of a short street with two front cameras, small on disk.
+pub fn street_clip(seed: u64) -> SceneConfig {
+    let camera = |place: usize, yaw_deg: f64, delay_s: f64| CameraSpec {
+        yaw_deg,
+        delay_s,
+        pitch_deg: 2.0,
+        ..CameraSpec::at_place(CAMERA_PLACES[place], 192, 320, 62.0)
+    };
+    SceneConfig {
+        seed,
+        num_frames: 5,
+        frame_interval_s: 0.1,
+        box_reach_m: 40.0,
+        rig: Rig {
+            cameras: vec![camera(0, 0.0, 0.005), camera(1, 48.0, -0.005)],
+            lidar: LidarSpec {
+                elevation_deg: [-20.0, 14.0],
+                azimuth_deg: [81.0, -33.0],
+                range_m: [1.5, 80.0],
+                ..LidarSpec::spinning(34, 150)
+            },
+        },
+        street: StreetSpec {
+            curvature: 0.0028,
+            lane_width_m: 3.3,
+            num_lanes: 1,
+            parking: true,
+            pavement_m: 2.8,
+            floors: [1, 3],
+            open_plots: 0.2,
+            tree_spacing_m: 15.0,
+            texture_scale: 1.5,
+        },
+        traffic: TrafficSpec { ego_speed: 7.0, num_cars: 3, speeds: [6.0, 10.0], num_people: 2, parked: 0.6 },
+        light: LightSpec {
+            sun_azimuth_deg: -152.0,
+            sun_elevation_deg: 46.0,
+            overcast: 0.05,
+            clouds: 0.55,
+            haze_m: 1500.0,
+        },
+        origin: Origin { position: [0.0; 3], heading_deg: 0.0, time_s: 0.0 },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_valid_and_seeds_differ() {
+        for seed in 0..200 {
+            varied(seed).validate().unwrap();
+        }
+        street_clip(3).validate().unwrap();
+        assert_eq!(varied(5), varied(5));
+        assert_ne!(varied(5).street, varied(6).street);
+    }
+}

@@ -1,0 +1,116 @@
+//! A scene: a street with sensors that drive through it.
+
+use lgs_formats::{camera::Camera, clip::TrackedBox, pose::Pose};
+
+use super::{
+    camera::{Capture, ImagePlane, capture},
+    config::SceneConfig,
+    lidar::{Scan, Scanner},
+    maths::rotation_z,
+    world::World,
+};
+use crate::error::Result;
+
+/// A procedural street: the same configuration gives the same bytes on every machine and for any number of threads.
+#[derive(Debug)]
+pub struct Scene {
+    config: SceneConfig,
+    world: World,
+    clip_from_world: Pose,
+}
+
+impl Scene {
+    /// The scene of a configuration.
+    ///
+    /// # Errors
+    /// A value of the configuration is out of its range.
+    pub fn new(config: SceneConfig) -> Result<Self> {
+        config.validate()?;
+        let origin = &config.origin;
+        let clip_from_world = Pose::new(rotation_z(origin.heading_deg.to_radians()), origin.position.into());
+        Ok(Self { world: World::new(&config), config, clip_from_world })
+    }
+
+    /// What the scene was made from.
+    pub const fn config(&self) -> &SceneConfig {
+        &self.config
+    }
+
+    /// Names of the tracked things; [`Scan::objects`] counts them.
+    pub fn tracks(&self) -> Vec<&str> {
+        self.world.objects.iter().map(|object| object.track.as_str()).collect()
+    }
+
+    /// Timestamp of a frame's sweep in the clip's clock, seconds.
+    pub fn lidar_timestamp(&self, frame: usize) -> f64 {
+        self.config.origin.time_s + self.config.frame_time(frame)
+    }
+
+    /// Pose of the LiDAR in the clip's world.
+    pub fn world_from_lidar(&self, frame: usize) -> Pose {
+        self.clip_from_world * self.lidar_pose(frame)
+    }
+
+    /// A camera of the rig as it stands when it takes the image of a frame.
+    ///
+    /// # Panics
+    /// The rig has no such camera.
+    pub fn camera(&self, frame: usize, camera: usize) -> Camera {
+        let spec = &self.config.rig.cameras[camera];
+        let size = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
+        Camera {
+            name: spec.name.clone(),
+            timestamp: self.lidar_timestamp(frame) + spec.delay_s,
+            width: size(spec.width),
+            height: size(spec.height),
+            intrinsics: spec.intrinsics(),
+            distortion: None,
+            world_from_camera: self.clip_from_world * self.camera_pose(frame, camera),
+        }
+    }
+
+    /// The image of a camera, taken at its own timestamp.
+    ///
+    /// # Panics
+    /// The rig has no such camera.
+    pub fn capture(&self, frame: usize, camera: usize) -> Capture {
+        let spec = &self.config.rig.cameras[camera];
+        let moment = self.world.at(self.config.frame_time(frame) + spec.delay_s);
+        let pose = self.camera_pose(frame, camera);
+        let plane = ImagePlane::new(&spec.intrinsics(), spec.width, spec.height, &pose);
+        capture(&moment, &plane, &self.clip_from_world)
+    }
+
+    /// The sweep of a frame.
+    pub fn scan(&self, frame: usize) -> Scan {
+        let scanner = Scanner {
+            spec: &self.config.rig.lidar,
+            world_from_lidar: self.lidar_pose(frame),
+            clip_from_world: self.clip_from_world,
+            seed: self.config.seed,
+            frame,
+        };
+        scanner.scan(&self.world.at(self.config.frame_time(frame)))
+    }
+
+    /// Boxes around the tracked things near the vehicle at the time of a frame's sweep, in the clip's world.
+    pub fn boxes(&self, frame: usize) -> Vec<TrackedBox> {
+        let (time, road) = (self.config.frame_time(frame), &self.world.ground.road);
+        let here = self.lidar_pose(frame).translation();
+        let all = self.world.objects.iter().map(|object| object.tracked_box(road, time));
+        all.filter(|b| b.world_from_box.translation().distance(here) < self.config.box_reach_m)
+            .map(|b| TrackedBox { world_from_box: self.clip_from_world * b.world_from_box, ..b })
+            .collect()
+    }
+
+    fn lidar_pose(&self, frame: usize) -> Pose {
+        let time = self.config.frame_time(frame);
+        self.world.ego.pose(&self.world.ground.road, time) * self.config.rig.lidar.mount()
+    }
+
+    fn camera_pose(&self, frame: usize, camera: usize) -> Pose {
+        let spec = &self.config.rig.cameras[camera];
+        let time = self.config.frame_time(frame) + spec.delay_s;
+        self.world.ego.pose(&self.world.ground.road, time) * spec.mount()
+    }
+}
