@@ -2,6 +2,7 @@
 
 pub mod buffers;
 pub mod config;
+pub mod describe;
 pub mod layers;
 pub mod levels;
 pub mod linear;
@@ -9,5 +10,6 @@ pub mod model;
 pub mod normalise;
 pub mod pass;
 pub mod query;
+pub mod source;
 pub mod unet;
 pub mod weights;

@@ -6,6 +6,7 @@
 mod evaluate;
 mod hold_out;
 mod inputs;
+mod network;
 mod reconstruct;
 mod stages;
 #[cfg(test)]
@@ -14,5 +15,6 @@ mod tests;
 pub use evaluate::{Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
+pub use network::{NetworkSettings, NetworkSummary, run_network};
 pub use reconstruct::{GaussianCounts, Reconstruction, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Inputs, Stage, Watch};
+use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, run_network};
 use crate::{
     error::Result,
     gaussians::{
@@ -12,6 +12,7 @@ use crate::{
         background::{self, Mode},
     },
     points,
+    views::View,
 };
 
 /// How many Gaussians a reconstruction started with, changed and ended with.
@@ -37,6 +38,8 @@ pub struct Reconstruction {
     pub scene: GaussianSet,
     /// How it came about.
     pub counts: GaussianCounts,
+    /// What the network did; `None` without one.
+    pub network: Option<NetworkSummary>,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -48,9 +51,14 @@ const POINT_STEPS: usize = 4;
 ///
 /// # Errors
 /// Whatever is wrong with the sweep of an input frame.
-pub fn reconstruct(inputs: &Inputs<'_>, background: Mode, watch: &mut Watch<'_>) -> Result<Reconstruction> {
+pub fn reconstruct(
+    inputs: &Inputs<'_>,
+    background: Mode,
+    network: Option<&NetworkSettings<'_>>,
+    watch: &mut Watch<'_>,
+) -> Result<Reconstruction> {
     let start = Instant::now();
-    let scene = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let mut scene = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
@@ -63,11 +71,14 @@ pub fn reconstruct(inputs: &Inputs<'_>, background: Mode, watch: &mut Watch<'_>)
         step();
         Result::Ok(scene)
     })?;
+    let initial = scene.num_lidar;
+    let views: Vec<&View> = inputs.views().iter().collect();
+    let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
     let counts = GaussianCounts {
-        initial: scene.num_lidar,
+        initial,
         last: scene.num_lidar,
         background: scene.len() - scene.num_lidar,
         ..GaussianCounts::default()
     };
-    Ok(Reconstruction { scene, counts, seconds: start.elapsed().as_secs_f64() })
+    Ok(Reconstruction { scene, counts, network, seconds: start.elapsed().as_secs_f64() })
 }

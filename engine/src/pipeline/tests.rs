@@ -86,7 +86,7 @@ impl Held {
 
     fn reconstruct(&self) -> Reconstruction {
         let inputs = self.inputs(self.views(Role::Input).unwrap()).unwrap();
-        reconstruct(&inputs, Mode::Auto, &mut Watch::new(&Silent)).unwrap()
+        reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent)).unwrap()
     }
 }
 

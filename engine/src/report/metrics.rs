@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use crate::{
     evaluate::ViewFigures,
-    pipeline::{GaussianCounts, StageTimes},
+    pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     views::Role,
 };
 
@@ -29,6 +29,8 @@ pub struct Metrics {
     pub seed: u64,
     /// How many Gaussians there were.
     pub gaussians: GaussianCounts,
+    /// What the network did and left out; `None` without one.
+    pub network: Option<NetworkSummary>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.
@@ -54,6 +56,10 @@ pub struct Config {
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
     pub background: String,
+    /// Steps of the learned refinement; `None` without a network.
+    pub refine_steps: Option<usize>,
+    /// Whether the Cross-Time Point Query was asked for; `None` without a network.
+    pub query: Option<bool>,
     /// Which views were rendered.
     pub views: String,
     /// Moment of every rendered view, seconds since time zero; `None` for each view's own.

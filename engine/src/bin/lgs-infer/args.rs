@@ -19,16 +19,29 @@ const MAX_FRAME: usize = 1_000_000;
 #[command(name = "lgs-infer", version, max_term_width = 110)]
 pub(crate) struct Args {
     /// Clip directory: a folder with a `clip.json` of format lgs-clip/1
-    #[arg(value_name = "CLIP_DIR")]
-    pub(crate) clip_dir: PathBuf,
+    #[arg(value_name = "CLIP_DIR", required_unless_present = "describe")]
+    pub(crate) clip_dir: Option<PathBuf>,
+
+    /// Print the model of a config or of a weights file as a table and do nothing else [default: none]
+    #[arg(long, value_name = "FILE", conflicts_with = "clip_dir")]
+    pub(crate) describe: Option<PathBuf>,
 
     /// Folder to write to, made when it is missing [default: out/<name of the clip>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Network weights; `none`: the scene is what the sweeps and the images say by themselves
-    #[arg(long, value_name = "FILE|none", default_value = "none", value_parser = weights)]
+    /// Network weights, a safetensors file; `random:FILE.json`: weights of a model config drawn from --seed, for size and
+    /// speed work; `none`: the scene is what the sweeps and the images say by themselves
+    #[arg(long, value_name = "FILE|random:FILE.json|none", default_value = "none", value_parser = weights)]
     pub(crate) weights: Weights,
+
+    /// Steps of the learned refinement over the input views, 0 to 1000
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
+    pub(crate) refine_steps: u32,
+
+    /// Whether primitives ask their nearest of other timestamps
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) query: Switch,
 
     /// Names of the cameras to use, separated by commas [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
@@ -86,10 +99,21 @@ impl Args {
 }
 
 /// Where the network's weights come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Weights {
     /// There is no network.
     None,
+    /// A weights file.
+    File(PathBuf),
+    /// Drawn from the seed, in the sizes of a config file.
+    Random(PathBuf),
+}
+
+/// `on` or `off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Switch {
+    On,
+    Off,
 }
 
 /// Indices of frames, in the order in which they were given.
@@ -131,9 +155,11 @@ pub(crate) fn word(value: &impl ValueEnum) -> String {
 }
 
 fn weights(text: &str) -> Result<Weights, String> {
-    match text {
-        "none" => Ok(Weights::None),
-        _ => Err("expected none: this version has no network to load weights into".to_owned()),
+    match (text, text.strip_prefix("random:")) {
+        ("none", _) => Ok(Weights::None),
+        ("", _) | (_, Some("")) => Err("expected none, a file, or random: and a file".to_owned()),
+        (_, Some(config)) => Ok(Weights::Random(config.into())),
+        (file, None) => Ok(Weights::File(file.into())),
     }
 }
 
@@ -200,6 +226,14 @@ mod tests {
     }
 
     #[test]
+    fn weights_are_a_file_a_config_or_none() {
+        let of = |line: &str| parse(line).unwrap().weights;
+        assert_eq!(of("c --weights tiny.safetensors"), Weights::File("tiny.safetensors".into()));
+        assert_eq!(of("c --weights random:full.json"), Weights::Random("full.json".into()));
+        assert_eq!(parse("--describe full.json").unwrap().describe, Some("full.json".into()));
+    }
+
+    #[test]
     fn lists_and_rules_are_read() {
         let args =
             parse("c --frames 0,2,5..8 --hold-out 2,6 --cameras A,B --image-size 304x484 --at-time -0.5").unwrap();
@@ -229,7 +263,11 @@ mod tests {
             "c --threads 5000",
             "c --image-size 304",
             "c --image-size 0x10",
-            "c --weights tiny.safetensors",
+            "c --weights random:",
+            "c --refine-steps -1",
+            "c --query maybe",
+            "c --describe models/tiny.json",
+            "--json",
             "c --seed -1",
             "c --unknown 1",
             "c another",

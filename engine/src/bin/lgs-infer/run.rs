@@ -2,13 +2,17 @@
 
 use std::{path::Path, time::Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use lgs_engine::{
     allocator,
     evaluate::lpips::Lpips,
     export::to_cloud,
     gaussians::{GaussianSet, physical::to_physical},
-    pipeline::{Figures, HoldOut, Inputs, RenderedView, Stage, Watch, evaluate_views, reconstruct},
+    network::{
+        describe::describe,
+        source::{LoadedModel, config_of, load_model, random_model},
+    },
+    pipeline::{Figures, HoldOut, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, reconstruct},
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -17,7 +21,7 @@ use lgs_formats::clip_dir::ClipDir;
 use sha2::{Digest, Sha256};
 
 use crate::{
-    args::{Args, ViewsArg, word},
+    args::{Args, Switch, ViewsArg, Weights, word},
     output::{Output, ViewPictures, output_dir, pictures_of, report_width},
     progress::Bars,
     summary::summary,
@@ -25,16 +29,31 @@ use crate::{
 
 /// Does what the command line asks for and returns what to print.
 pub(crate) fn run(args: &Args) -> Result<String> {
+    match (&args.describe, &args.clip_dir) {
+        (Some(file), _) => Ok(describe(&config_of(file)?)?),
+        (None, Some(clip)) => infer(args, clip),
+        (None, None) => bail!("CLIP_DIR: expected a clip directory, found nothing"),
+    }
+}
+
+/// Reconstructs a clip, writes the output and returns what to print.
+fn infer(args: &Args, clip: &Path) -> Result<String> {
     let start = Instant::now();
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
-    let dir = watch.time(Stage::Load, |_| ClipDir::open(&args.clip_dir))?;
+    let dir = watch.time(Stage::Load, |_| ClipDir::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let reconstruction = reconstruct(&inputs, args.background.mode(), &mut watch)?;
+    let model = watch.time(Stage::Load, |_| model(args))?;
+    let network = model.as_ref().map(|loaded| NetworkSettings {
+        model: &loaded.model,
+        refine_steps: args.refine_steps as usize,
+        query: args.query == Switch::On,
+    });
+    let reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
     let scene = to_cloud(&reconstruction.scene)?;
     let drawn = job.draw(&reconstruction.scene, &inputs, &mut watch)?;
 
@@ -43,10 +62,11 @@ pub(crate) fn run(args: &Args) -> Result<String> {
         format: METRICS_FORMAT,
         clip: dir.clip().name.clone(),
         config: job.config(&inputs),
-        weights: None,
+        weights: model.and_then(|loaded| loaded.sha256),
         threads,
         seed: args.seed,
         gaussians: reconstruction.counts,
+        network: reconstruction.network,
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -57,6 +77,15 @@ pub(crate) fn run(args: &Args) -> Result<String> {
     let report = report(&metrics, &pictures, &dir);
     Output { scene: &scene, views: &pictures, report: &report, metrics: &json }.write(&out)?;
     Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
+}
+
+/// The network that was asked for.
+fn model(args: &Args) -> Result<Option<LoadedModel>> {
+    Ok(match &args.weights {
+        Weights::None => None,
+        Weights::File(file) => Some(load_model(file)?),
+        Weights::Random(config) => Some(random_model(config, args.seed)?),
+    })
 }
 
 /// The settings of a run, checked against its clip.
@@ -145,6 +174,8 @@ impl<'a> Job<'a> {
             frames,
             hold_out: self.frames.held_out.clone(),
             background: word(&self.args.background),
+            refine_steps: (self.args.weights != Weights::None).then_some(self.args.refine_steps as usize),
+            query: (self.args.weights != Weights::None).then_some(self.args.query == Switch::On),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

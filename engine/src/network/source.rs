@@ -1,0 +1,57 @@
+//! Where a model comes from: a weights file, or a config with seeded weights.
+
+use std::path::Path;
+
+use lgs_formats::error::FormatError;
+use safetensors::SafeTensors;
+
+use super::config::ModelConfig;
+use super::model::FoldedModel;
+use super::weights::WeightFile;
+use crate::error::Result;
+
+/// Key of a weights file's metadata that holds the model's config as JSON.
+pub const CONFIG_KEY: &str = "config";
+
+/// A model ready to run, and the digest of the file that it came from.
+#[derive(Clone, Debug)]
+pub struct LoadedModel {
+    /// The model.
+    pub model: FoldedModel,
+    /// SHA-256 of the weights file; `None` for seeded weights.
+    pub sha256: Option<String>,
+}
+
+/// The model of a weights file: safetensors whose metadata hold the config under [`CONFIG_KEY`].
+///
+/// # Errors
+/// When the file cannot be read, its config is invalid, or its tensors are not the config's.
+pub fn load_model(path: &Path) -> Result<LoadedModel> {
+    let file = WeightFile::read(path)?;
+    let config = ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?;
+    Ok(LoadedModel { model: FoldedModel::load(&config, &file)?, sha256: Some(file.sha256().to_owned()) })
+}
+
+/// The model of a config file with weights drawn from `seed`.
+///
+/// # Errors
+/// When the file is no valid config.
+pub fn random_model(path: &Path, seed: u64) -> Result<LoadedModel> {
+    Ok(LoadedModel { model: FoldedModel::random(&ModelConfig::read(path)?, seed)?, sha256: None })
+}
+
+/// The config of a file that is either a config or a weights file.
+///
+/// # Errors
+/// When it is neither.
+pub fn config_of(path: &Path) -> Result<ModelConfig> {
+    let bytes = std::fs::read(path).map_err(|source| FormatError::io(path, "read", source))?;
+    if SafeTensors::read_metadata(&bytes).is_ok() {
+        let file = WeightFile::parse(&path.display().to_string(), &bytes)?;
+        return ModelConfig::parse(file.metadata(CONFIG_KEY)?, path);
+    }
+    match std::str::from_utf8(&bytes) {
+        Ok(text) => ModelConfig::parse(text, path),
+        Err(_) => Err(FormatError::invalid(path, "content", "a model config or a weights file", "neither").into()),
+    }
+}
