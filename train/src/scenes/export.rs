@@ -7,7 +7,7 @@ use lgs_formats::{
     clip::{CameraRecord, Clip, Frame, LidarRecord},
     clip_dir,
     error::FormatError,
-    image::{RgbImage, write_mask, write_png},
+    image::{RgbImage, to_byte, write_mask, write_png},
     sweep,
     write::write_atomic,
 };
@@ -159,9 +159,4 @@ fn write_image(path: &Path, image: &RgbImage, format: ImageFormat) -> Result<()>
         .write_image(&bytes, size(image.width)?, size(image.height)?, ExtendedColorType::Rgb8)
         .map_err(|e| encode_error(e.to_string()))?;
     Ok(write_atomic(path, &jpeg)?)
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=255.5 after the clamp")]
-fn to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }

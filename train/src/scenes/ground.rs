@@ -233,6 +233,6 @@ mod tests {
                 .fold(0.0, f32::max)
         };
         assert!(lightest(20.0) > 0.4);
-        assert!(lightest(30.0) < 0.25);
+        assert!(lightest(27.0) < 0.25);
     }
 }

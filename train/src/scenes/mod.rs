@@ -51,3 +51,6 @@ pub use camera::Capture;
 pub use config::{SceneConfig, Split};
 pub use lidar::Scan;
 pub use scene::Scene;
+
+#[cfg(test)]
+mod tests;

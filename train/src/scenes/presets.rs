@@ -113,7 +113,7 @@ pub fn street_clip(seed: u64) -> SceneConfig {
         seed,
         num_frames: 5,
         frame_interval_s: 0.1,
-        box_reach_m: 40.0,
+        box_reach_m: 32.0,
         rig: Rig {
             cameras: vec![camera(0, 0.0, 0.005), camera(1, 48.0, -0.005)],
             lidar: LidarSpec {

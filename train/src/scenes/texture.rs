@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn stripes_fade_to_their_mean_and_are_sharp_nearby() {
         assert!((stripes(0.33, 0.1, 0.02, 5.0) - 0.2).abs() < 0.01);
-        assert_eq!(stripes(1.01, 0.5, 0.1, 0.001), 1.0);
+        assert!(stripes(1.01, 0.5, 0.1, 0.001) > 0.999);
         assert_eq!(stripes(-0.2, 0.5, 0.1, 0.001), 0.0);
         assert!((stripes(1.0, 0.5, 0.1, 0.02) - 0.5).abs() < 1e-3);
     }

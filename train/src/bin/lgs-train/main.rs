@@ -1,26 +1,51 @@
-//! `lgs-train`: makes scenes. Exit codes: 0 done, 2 error with one line on standard error.
+//! `lgs-train`: makes scenes to train and measure on.
 
 mod args;
 mod run;
 
 use std::{
-    io::{ErrorKind, Write},
+    io::{self, ErrorKind, Write},
     process::ExitCode,
 };
 
 use clap::Parser;
 
+/// Exit code of an error.
+const ERROR: u8 = 2;
+
 fn main() -> ExitCode {
-    let cli = args::Cli::parse();
+    lgs_engine::allocator::keep_pages();
+    let cli = match args::Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return fail(&usage(&error)),
+        Err(help) => return finish(help.to_string().trim_end()),
+    };
     match run::run(&cli) {
-        Ok(text) => match writeln!(std::io::stdout(), "{text}") {
-            Err(e) if e.kind() != ErrorKind::BrokenPipe => ExitCode::from(2),
-            _ => ExitCode::SUCCESS,
-        },
-        Err(error) => {
-            // Nothing can be done about a standard error that cannot be written to.
-            let _unwritable = writeln!(std::io::stderr(), "lgs-train: {error:#}");
-            ExitCode::from(2)
-        }
+        Ok(text) => finish(&text),
+        Err(error) => fail(&format!("{error:#}")),
     }
+}
+
+/// Prints the result. A reader that has seen enough and went away is no error.
+fn finish(text: &str) -> ExitCode {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => fail(&format!("standard output: {error}")),
+    }
+}
+
+/// Prints the error as one line. When even that is impossible the exit code says it alone.
+fn fail(message: &str) -> ExitCode {
+    let line: Vec<&str> = message.split_whitespace().collect();
+    let _ = writeln!(io::stderr(), "lgs-train: {}", line.join(" "));
+    ExitCode::from(ERROR)
+}
+
+/// What is wrong with the command line, without the usage that clap puts below it.
+fn usage(error: &clap::Error) -> String {
+    let text = error.to_string();
+    let what = text.split("\n\n").next().unwrap_or(&text);
+    format!("{} (see --help)", what.trim_start_matches("error: "))
 }

@@ -1,7 +1,7 @@
 //! Acts on parsed flags.
 
 use anyhow::{Context, Result, anyhow};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use lgs_train::scenes::{
     Scene,
     export::{self, Written},
@@ -24,7 +24,8 @@ fn scenes(args: &ScenesArgs) -> Result<String> {
         export::require_vacant(&planned.dir)?;
     }
     let images: usize = plan.iter().map(|p| p.config.num_frames * p.config.rig.cameras.len()).sum();
-    let bar = ProgressBar::new(images as u64);
+    // Removed from the terminal when it goes out of scope, also by an error.
+    let bar = ProgressBar::new(images as u64).with_finish(ProgressFinish::AndClear);
     bar.set_style(ProgressStyle::with_template("scenes {wide_bar} {pos}/{len} images {eta}")?);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build()?;
     let start = std::time::Instant::now();
@@ -39,7 +40,6 @@ fn scenes(args: &ScenesArgs) -> Result<String> {
         total.images += written.images;
         total.points += written.points;
     }
-    bar.finish_and_clear();
     let seconds = start.elapsed().as_secs_f64();
     let Written { frames, images, points } = total;
     if args.json {
