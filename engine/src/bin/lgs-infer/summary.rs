@@ -4,11 +4,12 @@ use std::{fmt::Write, path::Path};
 
 use lgs_engine::{
     pipeline::Stage,
-    report::{FIGURES, FigureKind, Metrics, role_name},
+    report::{FIGURES, Metrics, role_name},
     views::Role,
 };
 
-const FIGURES_A_LINE: usize = 4;
+/// The first figures are those of the full image, the others those of its moving and its static pixels.
+const NUM_FULL_IMAGE: usize = 4;
 
 /// A page of text: mean figures, counts, times and where the files are.
 pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
@@ -17,13 +18,14 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
     for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
         let num_views = metrics.views.iter().filter(|view| view.role == role).count();
         if num_views > 0 && measured {
-            let defined: Vec<&FigureKind> = FIGURES.iter().filter(|kind| (kind.get)(mean).is_some()).collect();
-            let mut name = format!("{}, {num_views} views", role_name(role));
-            for row in defined.chunks(FIGURES_A_LINE) {
-                let figures: Vec<String> =
-                    row.iter().map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
-                line(&mut text, &name, &figures.join("  "));
-                name.clear();
+            let (full, by_motion) = FIGURES.split_at(NUM_FULL_IMAGE);
+            for (name, kinds) in [(format!("{}, {num_views} views", role_name(role)), full), (String::new(), by_motion)]
+            {
+                let defined = kinds.iter().filter(|kind| (kind.get)(mean).is_some());
+                let figures: Vec<String> = defined.map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
+                if !figures.is_empty() {
+                    line(&mut text, &name, &figures.join("  "));
+                }
             }
         }
     }
