@@ -31,16 +31,25 @@ pub(super) fn l1(rendered: &[f32], truth: &[f32], num_values: usize, weight: f32
 /// Sum of the absolute differences of one chunk.
 #[inline(always)]
 fn chunk(rendered: &[f32], truth: &[f32], slope: f32, gradient: &mut [f32]) -> f64 {
+    let (rendered, rendered_rest) = rendered.as_chunks::<LANES>();
+    let (truth, truth_rest) = truth.as_chunks::<LANES>();
+    let (gradient, gradient_rest) = gradient.as_chunks_mut::<LANES>();
     let mut sums = [0.0_f64; LANES];
-    let rows = rendered.chunks(LANES).zip(truth.chunks(LANES)).zip(gradient.chunks_mut(LANES));
-    for ((rendered, truth), gradient) in rows {
-        for (((r, t), g), sum) in rendered.iter().zip(truth).zip(gradient).zip(&mut sums) {
-            let difference = r - t;
-            *sum += f64::from(difference.abs());
-            *g = if difference == 0.0 { 0.0 } else { slope.copysign(difference) };
+    for ((r, t), g) in rendered.iter().zip(truth).zip(gradient) {
+        for lane in 0..LANES {
+            sums[lane] += one(r[lane], t[lane], slope, &mut g[lane]);
         }
     }
-    sums.iter().sum()
+    let rest = rendered_rest.iter().zip(truth_rest).zip(gradient_rest);
+    sums.iter().sum::<f64>() + rest.map(|((r, t), g)| one(*r, *t, slope, g)).sum::<f64>()
+}
+
+/// Absolute difference of one value, its gradient written.
+#[inline(always)]
+fn one(rendered: f32, truth: f32, slope: f32, gradient: &mut f32) -> f64 {
+    let difference = rendered - truth;
+    *gradient = if difference == 0.0 { 0.0 } else { slope.copysign(difference) };
+    f64::from(difference.abs())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use lgs_formats::ply::read_ply;
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::metrics::{self, FIGURES};
 use lgs_tests::process::{binary, run};
-use lgs_tests::{Outcome, case, clips};
+use lgs_tests::{Outcome, case, clips, places};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
@@ -31,7 +31,7 @@ fn infer(clip: &Path, out: &Path, flags: &[&str]) -> Result<String, libtest_mimi
     let mut arguments =
         vec![clip.as_os_str(), "--out".as_ref(), out.as_os_str(), "--weights".as_ref(), "none".as_ref()];
     arguments.extend(flags.iter().map(|flag| flag.as_ref() as &std::ffi::OsStr));
-    let finished = run(&binary("lgs-infer")?, &arguments, out.parent().unwrap_or(out))?;
+    let finished = run(&binary("lgs-infer")?, &arguments, places::repository())?;
     finished.expect_success()?;
     Ok(finished.stdout)
 }
