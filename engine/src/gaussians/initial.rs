@@ -18,7 +18,7 @@ const OPACITY: f32 = 0.5;
 /// `x` = point, `s = ln(clamp(spacing, 1e-4, 1))` on all three axes, `q = 1`, `alpha = logit(0.5)`, `c = logit(colour)`.
 ///
 /// # Source
-/// Flux4D, initial values of its `LiDAR` branch; the random rotation left out.
+/// `Flux4D`, initial values of its `LiDAR` branch; the random rotation left out.
 pub fn initial(cloud: &PointCloud, colours: &[Option<[f32; 3]>], spacing: &[f32]) -> GaussianSet {
     let mut set = GaussianSet::default();
     for (i, colour) in colours.iter().enumerate() {

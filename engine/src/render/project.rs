@@ -198,7 +198,8 @@ impl Footprint {
 /// The unit quaternion and the norm; the identity and 0 where there is no direction.
 fn normalise(q: [f64; 4]) -> ([f64; 4], f64) {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-    if norm > 0.0 { (q.map(|v| v / norm), norm) } else { ([1.0, 0.0, 0.0, 0.0], 0.0) }
+    // What is not a number stays so: the footprint is then not finite and nothing is drawn.
+    if norm == 0.0 { ([1.0, 0.0, 0.0, 0.0], 0.0) } else { (q.map(|v| v / norm), norm) }
 }
 
 /// The rotation of a unit quaternion (w, x, y, z).
