@@ -4,9 +4,11 @@ use std::{fmt::Write, path::Path};
 
 use lgs_engine::{
     pipeline::Stage,
-    report::{FIGURES, Metrics, role_name},
+    report::{FIGURES, FigureKind, Metrics, role_name},
     views::Role,
 };
+
+const FIGURES_A_LINE: usize = 4;
 
 /// A page of text: mean figures, counts, times and where the files are.
 pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
@@ -15,9 +17,14 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
     for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
         let num_views = metrics.views.iter().filter(|view| view.role == role).count();
         if num_views > 0 && measured {
-            let defined = FIGURES.iter().filter(|kind| (kind.get)(mean).is_some());
-            let figures: Vec<String> = defined.map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
-            line(&mut text, &format!("{}, {num_views} views", role_name(role)), &figures.join("  "));
+            let defined: Vec<&FigureKind> = FIGURES.iter().filter(|kind| (kind.get)(mean).is_some()).collect();
+            let mut name = format!("{}, {num_views} views", role_name(role));
+            for row in defined.chunks(FIGURES_A_LINE) {
+                let figures: Vec<String> =
+                    row.iter().map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
+                line(&mut text, &name, &figures.join("  "));
+                name.clear();
+            }
         }
     }
     let counts = metrics.gaussians;
