@@ -19,7 +19,7 @@ pub struct Finished {
     pub stderr: String,
 }
 
-/// The path of a binary of the workspace, built with the suite's own profile first.
+/// The path of a binary of the workspace: in `$LGS_BIN_DIR` where that is set, else built with the suite's own profile first.
 ///
 /// # Errors
 /// The build fails, or makes no such binary.
@@ -30,17 +30,12 @@ pub fn binary(name: &str) -> Result<PathBuf, String> {
     if path.is_file() { Ok(path) } else { Err(format!("{}: no such binary after the build", path.display())) }
 }
 
-/// Whether the workspace has a binary of this name at all, by its sources.
-pub fn has_binary(name: &str) -> bool {
-    ["formats", "engine", "targetgen", "train"].iter().any(|member| {
-        let bins = places::repository().join(member).join("src/bin");
-        bins.join(name).is_dir() || bins.join(format!("{name}.rs")).is_file()
-    })
-}
-
 /// Builds every binary beside this one (`TARGET/PROFILE/deps/suite`). `cargo test` itself builds the binaries of packages
 /// that have integration tests only.
 fn build_binaries() -> Result<PathBuf, String> {
+    if let Some(given) = env::var_os("LGS_BIN_DIR") {
+        return Ok(PathBuf::from(given));
+    }
     let own = env::current_exe().map_err(|e| e.to_string())?;
     let directory = own.ancestors().nth(2).ok_or("this binary lies in no target directory")?;
     let target = directory.parent().ok_or("this binary lies in no target directory")?;

@@ -9,8 +9,9 @@ use crate::views::{Projected, Role, View};
 /// The colour (0..=1) of every point; `None` for one that no input view sees.
 ///
 /// Views of the point's own timestamp come first, then those of the nearest other timestamp; among the views of one
-/// timestamp the one that resolves the point best. A view in which something nearer covers the point gives no colour,
-/// and neither does a pixel that its mask ignores. Held-out views are never read.
+/// timestamp the one that resolves the point best. A view in which something nearer covers the point gives no colour, and
+/// neither does one of another timestamp whose sweep saw through it: what moves was not there then. Pixels that a mask
+/// ignores give none either. Held-out views are never read.
 ///
 /// # Shapes
 /// Result `[N, 3]`.
@@ -35,6 +36,9 @@ fn colour_of(cloud: &PointCloud, i: usize, inputs: &[(&View, DepthGrid)]) -> Opt
         let wait = if own(view) { -1.0 } else { (view.pinhole.time - cloud.times[i]).abs() };
         let footprint = at.depth / view.pinhole.fx; // metres a pixel
         if best.is_some_and(|(_, rank)| rank <= (wait, footprint)) || grid.covers(at) {
+            continue;
+        }
+        if !own(view) && grid.sees_through(at) {
             continue;
         }
         if let Some(colour) = sample(view, at) {

@@ -169,7 +169,7 @@ fn splat(row: &[f32]) -> Splat {
         mean: [row[0], row[1], row[2] + 2.0],
         quat: std::array::from_fn(|k| row[3 + k]),
         scale: std::array::from_fn(|k| row[7 + k].abs()),
-        opacity: row[10].abs().min(1.0),
+        opacity: if row[10].is_finite() { row[10].abs().min(1.0) } else { row[10] },
         colour: std::array::from_fn(|k| row[11 + k]),
         velocity: std::array::from_fn(|k| row[14 + k]),
         time: row[17],

@@ -135,12 +135,15 @@ fn probe(moment: &Moment, ray: &Ray) -> Probe {
     Probe { hit, lit }
 }
 
+/// Whether one of the four neighbours of a pixel shows another surface or shadow.
 fn is_edge(probes: &[Probe], width: usize, x: usize, y: usize) -> bool {
-    let height = probes.len() / width;
-    let key = probes[y * width + x].key();
-    let xs = x.saturating_sub(1)..(x + 2).min(width);
-    let mut rows = y.saturating_sub(1)..(y + 2).min(height);
-    rows.any(|j| xs.clone().any(|i| probes[j * width + i].key() != key))
+    let at = y * width + x;
+    let key = probes[at].key();
+    let differs = |other: usize| probes[other].key() != key;
+    (x > 0 && differs(at - 1))
+        || (x + 1 < width && differs(at + 1))
+        || (y > 0 && differs(at - width))
+        || (at + width < probes.len() && differs(at + width))
 }
 
 /// Radiance of a pixel at an edge: the mean over rays.

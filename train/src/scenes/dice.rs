@@ -1,4 +1,4 @@
-//! Seeded draws: a ChaCha stream with the distributions that scenes use.
+//! Seeded draws: a counter-based stream with the distributions that scenes use.
 
 use rand_chacha::{
     ChaCha8Rng,

@@ -172,7 +172,7 @@ impl Facade {
 
     fn ground_floor(&self, base: Texel, bay: &Bay, at: &Surface) -> Texel {
         let w = at.footprint;
-        let is_door = hash(bay.column, 77, at.seed) % 3 == 0;
+        let is_door = hash(bay.column, 77, at.seed).is_multiple_of(3);
         let plinth = Texel { albedo: base.albedo * 0.55, ..base };
         let base = base.under(plinth, pulse(bay.y, 0.0, 0.5, w));
         if is_door {
@@ -209,7 +209,7 @@ impl Facade {
         let u = bay.column as f32 * bay.width + bay.x;
         let letter = cell(u / 0.34);
         let bits = hash(letter, 5, at.seed);
-        let written = (bits % 5 != 0) && unit(hash(letter.div_euclid(9), 6, at.seed)) < 0.7;
+        let written = !bits.is_multiple_of(5) && unit(hash(letter.div_euclid(9), 6, at.seed)) < 0.7;
         let stroke = octaves(u * 1.3, bay.y * 1.6, 3.2, 1, w, bits) > -0.12;
         let inside = rectangle((u - letter as f32 * 0.34, bay.y), (0.04, low + 0.16), (0.30, high - 0.14), w);
         let ink = if written && stroke { inside } else { 0.0 };

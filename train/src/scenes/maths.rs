@@ -69,13 +69,23 @@ pub(crate) fn mix(a: f32, b: f32, t: f32) -> f32 {
 
 /// 32 well mixed bits of a lattice cell.
 pub(crate) const fn hash(x: i32, y: i32, seed: u32) -> u32 {
-    let mut h = seed
-        .wrapping_add(x.cast_unsigned().wrapping_mul(0x9E37_79B1))
-        .wrapping_add(y.cast_unsigned().wrapping_mul(0x85EB_CA77).rotate_left(13));
-    h ^= h >> 16;
-    h = h.wrapping_mul(0x7FEB_352D);
-    h ^= h >> 15;
-    h = h.wrapping_mul(0x846C_A68B);
+    mixed(hash_x(x) ^ hash_y(y, seed))
+}
+
+/// The share of [`hash`] that depends on `x`: [`mixed`] of both shares' exclusive or is the hash.
+pub(crate) const fn hash_x(x: i32) -> u32 {
+    x.cast_unsigned().wrapping_mul(0x9E37_79B1)
+}
+
+/// The share of [`hash`] that depends on `y` and the seed.
+pub(crate) const fn hash_y(y: i32, seed: u32) -> u32 {
+    y.cast_unsigned().wrapping_mul(0x85EB_CA77).rotate_left(13).wrapping_add(seed.wrapping_mul(0xC2B2_AE3D))
+}
+
+/// The bits after each has touched all higher ones twice.
+pub(crate) const fn mixed(bits: u32) -> u32 {
+    let h = (bits ^ (bits >> 16)).wrapping_mul(0x7FEB_352D);
+    let h = (h ^ (h >> 15)).wrapping_mul(0x846C_A68B);
     h ^ (h >> 16)
 }
 

@@ -1,16 +1,18 @@
 //! Band-limited procedural patterns: value noise and box-filtered stripes. `footprint` is the width of a pixel on the
 //! surface, in the unit of the coordinates; what is finer fades to its mean.
 
-use super::maths::{cell, hash, mix, smoothstep, unit};
+use super::maths::{cell, hash_x, hash_y, mix, mixed, smoothstep, unit};
 
 /// Smooth value noise in -1..1 with one cell per unit.
 pub(crate) fn noise(u: f32, v: f32, seed: u32) -> f32 {
     let (i, j) = (cell(u), cell(v));
     let (fu, fv) = (u - i as f32, v - j as f32);
     let (su, sv) = (fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv));
-    let corner = |di, dj| unit(hash(i.wrapping_add(di), j.wrapping_add(dj), seed));
-    let near = mix(corner(0, 0), corner(1, 0), su);
-    let far = mix(corner(0, 1), corner(1, 1), su);
+    let (left, right) = (hash_x(i), hash_x(i.wrapping_add(1)));
+    let (lower, upper) = (hash_y(j, seed), hash_y(j.wrapping_add(1), seed));
+    let corner = |x, y| unit(mixed(x ^ y));
+    let near = mix(corner(left, lower), corner(right, lower), su);
+    let far = mix(corner(left, upper), corner(right, upper), su);
     2.0 * mix(near, far, sv) - 1.0
 }
 

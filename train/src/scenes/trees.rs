@@ -51,7 +51,7 @@ impl Foliage {
         let trunk = Shape::Cylinder { radius: narrow(radius), half_height: narrow(0.5 * centre.z) };
         let mut parts = vec![Part::new(trunk, centre * 0.5, bark).seeded(dice.bits()).shaded(0.85)];
         for _ in 0..dice.between(3, 5) {
-            let lean = rotation_z(dice.uniform(0.0, 6.28)) * rotation_y(dice.uniform(0.35, 0.9));
+            let lean = rotation_z(dice.uniform(0.0, std::f64::consts::TAU)) * rotation_y(dice.uniform(0.35, 0.9));
             let length = dice.uniform(0.8, 1.2) * crown.x;
             let shape = Shape::Cylinder { radius: narrow(0.4 * radius), half_height: narrow(0.5 * length) };
             let at = DVec3::Z * (stem * dice.uniform(0.85, 1.2)) + lean.z_axis * (0.5 * length);

@@ -61,7 +61,7 @@ pub(crate) struct Args {
     pub(crate) hold_out: Option<HoldOut>,
 
     /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
-    /// `depth`: at depths found from the images
+    /// `depth`: where the surfaces around a gap continue to
     #[arg(long, value_enum, default_value_t = BackgroundArg::Auto)]
     pub(crate) background: BackgroundArg,
 

@@ -8,6 +8,9 @@ use lgs_engine::{
     views::Role,
 };
 
+/// The first figures are those of the full image, the others those of its moving and its static pixels.
+const NUM_FULL_IMAGE: usize = 4;
+
 /// A page of text: mean figures, counts, times and where the files are.
 pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
     let mut text = format!("{}\n", metrics.clip);
@@ -15,9 +18,15 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
     for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
         let num_views = metrics.views.iter().filter(|view| view.role == role).count();
         if num_views > 0 && measured {
-            let defined = FIGURES.iter().filter(|kind| (kind.get)(mean).is_some());
-            let figures: Vec<String> = defined.map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
-            line(&mut text, &format!("{}, {num_views} views", role_name(role)), &figures.join("  "));
+            let (full, by_motion) = FIGURES.split_at(NUM_FULL_IMAGE);
+            for (name, kinds) in [(format!("{}, {num_views} views", role_name(role)), full), (String::new(), by_motion)]
+            {
+                let defined = kinds.iter().filter(|kind| (kind.get)(mean).is_some());
+                let figures: Vec<String> = defined.map(|kind| format!("{} {}", kind.label, kind.text(mean))).collect();
+                if !figures.is_empty() {
+                    line(&mut text, &name, &figures.join("  "));
+                }
+            }
         }
     }
     let counts = metrics.gaussians;

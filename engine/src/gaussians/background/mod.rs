@@ -1,6 +1,7 @@
 //! The background branch: static Gaussians behind what the sweeps leave uncovered.
 
 mod coverage;
+mod depth;
 mod emit;
 mod sky;
 
@@ -23,7 +24,7 @@ pub enum Mode {
     Off,
     /// A hemisphere far away, above the horizon.
     Sky,
-    /// Depth maps that the input images and sweeps agree on.
+    /// Where the returns around an uncovered pixel continue to.
     Depth,
 }
 
@@ -38,7 +39,8 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
     let inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
     let sheets: Vec<Sheet> = match mode {
         Mode::Off => return,
-        Mode::Sky | Mode::Auto | Mode::Depth => sky::sheets(&inputs, cloud),
+        Mode::Sky => sky::sheets(&inputs, cloud),
+        Mode::Auto | Mode::Depth => depth::sheets(&inputs, sky::radius(cloud)),
     };
     let mut coverages: Vec<Coverage> = inputs
         .par_iter()

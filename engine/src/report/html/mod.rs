@@ -97,7 +97,7 @@ fn cards(metrics: &Metrics) -> String {
     let mut cards: Vec<[String; 3]> =
         defined.map(|kind| [format!("{} {}", kind.label, kind.better), kind.text(figures), whose.to_owned()]).collect();
     let (total, memory) = (metrics.gaussians.last + metrics.gaussians.background, metrics.peak_rss_mb);
-    cards.push(["Reconstruction".into(), format!("{:.2} s", metrics.reconstruction_s), "from loaded images".into()]);
+    cards.push(["Reconstruction".into(), format!("{:.2} s", metrics.reconstruction_s), "after loading".into()]);
     cards.push([
         "Gaussians".into(),
         thousands(total),

@@ -27,6 +27,9 @@ pub(crate) enum Command {
     Scenes(ScenesArgs),
 }
 
+const CAMERAS_HELP: &str =
+    "Cameras, 1..=6: front, front_left, front_right, side_left, side_right, rear [default: the preset's]";
+
 /// Flags of `scenes`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ScenesArgs {
@@ -54,8 +57,7 @@ pub(crate) struct ScenesArgs {
     /// Time between timestamps, seconds, 0.01..=2 [default: the preset's]
     #[arg(long, value_name = "S")]
     pub(crate) interval: Option<f64>,
-    /// Cameras, 1..=6: front, front_left, front_right, side_left, side_right, rear [default: the preset's]
-    #[arg(long, value_name = "N", value_parser = parse_cameras)]
+    #[arg(long, value_name = "N", value_parser = parse_cameras, help = CAMERAS_HELP)]
     pub(crate) cameras: Option<usize>,
     /// Size of all images, pixels [default: the preset's: 256x512 for varied, 192x320 for street]
     #[arg(long, value_name = "HxW")]
