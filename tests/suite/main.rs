@@ -2,6 +2,7 @@
 
 mod cli;
 mod golden;
+mod network;
 mod readme;
 mod render;
 mod structure;
@@ -15,6 +16,7 @@ fn main() -> ExitCode {
     let mut cases: Vec<Trial> = Vec::new();
     cases.extend(golden::cases());
     cases.extend(render::cases());
+    cases.extend(network::cases());
     cases.extend(structure::cases());
     cases.extend(cli::cases());
     cases.extend(readme::cases());

@@ -6,6 +6,7 @@
 
 mod depth;
 mod l1;
+pub mod op;
 pub mod ssim;
 mod velocity;
 

@@ -1,5 +1,6 @@
 //! Inputs of the passes: attributes, times, velocities and gradients at a common scale, and residuals back at theirs.
 
+use candle_core::Tensor;
 use rayon::prelude::*;
 
 use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, RawGradient};
@@ -93,6 +94,23 @@ pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], w
             *value += o * VELOCITY_SCALE;
         }
     }
+}
+
+/// As [`add_residuals`] for all Gaussians of a branch that moves, differentiable: attributes and velocities after the update.
+///
+/// # Shapes
+/// `attributes` `[N, 14]`, `velocities` `[N, 3]`, `outputs` `[N, 17]`.
+///
+/// # Gradient
+/// By all three.
+///
+/// # Errors
+/// When a shape does not fit.
+pub fn with_residuals(attributes: &Tensor, velocities: &Tensor, outputs: &Tensor) -> candle_core::Result<[Tensor; 2]> {
+    let scale = Tensor::new(&RESIDUAL_SCALE, outputs.device())?;
+    let by_attribute = outputs.narrow(1, 0, NUM_ATTRIBUTES)?.broadcast_mul(&scale)?;
+    let by_velocity = (outputs.narrow(1, NUM_ATTRIBUTES, 3)? * f64::from(VELOCITY_SCALE))?;
+    Ok([(attributes + by_attribute)?, (velocities + by_velocity)?])
 }
 
 fn rows(chosen: &[usize], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {

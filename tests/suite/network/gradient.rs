@@ -1,0 +1,186 @@
+//! One whole prediction, from the parameters to the loss of a rendered view, against finite differences.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use candle_core::{DType, Device, Tensor, Var};
+use candle_nn::VarBuilder;
+use candle_nn::var_builder::SimpleBackend;
+use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, MEAN, QUAT};
+use lgs_engine::loss::LossWeights;
+use lgs_engine::loss::op::LossOp;
+use lgs_engine::network::levels::{Levels, voxels_of};
+use lgs_engine::network::normalise::{INITIAL_INPUTS, initial_rows, with_residuals};
+use lgs_engine::network::pass::{Outputs, Pass};
+use lgs_engine::network::query::Query;
+use lgs_engine::network::unet::UNetConfig;
+use lgs_engine::network::weights::{RandomWeights, Recorder};
+use lgs_engine::ops::knn::nearest_other_time;
+use lgs_engine::render::op::RenderOp;
+use lgs_engine::views::{DepthSample, PinholeView, Role, View};
+use lgs_formats::image::RgbImage;
+use lgs_tests::random::Random;
+use lgs_tests::{Outcome, case};
+use libtest_mimic::{Failed, Trial};
+
+const NUM_POINTS: usize = 200;
+const VOXEL: f64 = 0.5;
+/// Directions along which the loss is followed.
+const DIRECTIONS: usize = 6;
+const TOLERANCE: f64 = 0.03;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    vec![case("network::gradient_of_the_whole_path_is_the_finite_difference", whole_path)]
+}
+
+struct Path {
+    variables: Vec<(String, Var)>,
+    pass: Pass,
+    query: Query,
+    scene: GaussianSet,
+    levels: Levels,
+    neighbours: Arc<Vec<u32>>,
+    view: Arc<View>,
+}
+
+fn failed(error: impl std::fmt::Display) -> Failed {
+    error.to_string().into()
+}
+
+impl Path {
+    fn new() -> Result<Self, Failed> {
+        let config = UNetConfig { stem: 8, encoder: vec![8, 12], decoder: vec![12, 8] };
+        let build = |vb: &VarBuilder<'_>| {
+            let pass = Pass::new(INITIAL_INPUTS, &config, Outputs::Moving, &vb.pp("pass"))?;
+            candle_core::Result::Ok((pass, Query::new(config.width(), &vb.pp("query"))?))
+        };
+        let specs = Recorder::list(build).map_err(failed)?;
+        let mut random = Random::new(7);
+        let mut variables = Vec::new();
+        for spec in &specs {
+            let seeded = RandomWeights { seed: 5 };
+            let shape = spec.shape.clone().into();
+            let drawn = seeded.get(shape, &spec.name, spec.init, DType::F32, &Device::Cpu).map_err(failed)?;
+            // Heads and query start at zero, where their inputs have no gradient.
+            let start = if spec.name.contains("heads") || spec.name.contains("query") {
+                let values: Vec<f32> = (0..spec.len()).map(|_| 0.1 * random.normal_single()).collect();
+                Tensor::from_vec(values, spec.shape.clone(), &Device::Cpu).map_err(failed)?
+            } else {
+                drawn
+            };
+            variables.push((spec.name.clone(), Var::from_tensor(&start).map_err(failed)?));
+        }
+        let tensors: HashMap<String, Tensor> =
+            variables.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone())).collect();
+        let (pass, query) = build(&VarBuilder::from_tensors(tensors, DType::F32, &Device::Cpu)).map_err(failed)?;
+        let scene = scene(&mut random);
+        let points: Vec<[f32; 3]> = scene.attributes.iter().map(|a| [a[0], a[1], a[2]]).collect();
+        let voxels = voxels_of(points.iter().copied(), VOXEL).map_err(failed)?;
+        let levels = Levels::new(&voxels, config.num_levels()).map_err(failed)?;
+        let times: Vec<u32> = scene.times.iter().map(|t| t.to_bits()).collect();
+        let neighbours = Arc::new(nearest_other_time(&points, &times, 8).map_err(failed)?.indices);
+        variables.retain(|(name, _)| !name.contains("running"));
+        Ok(Self { variables, pass, query, scene, levels, neighbours, view: Arc::new(view(&mut random)) })
+    }
+
+    fn loss(&self) -> candle_core::Result<Tensor> {
+        let all: Vec<usize> = (0..self.scene.len()).collect();
+        let means = self.levels.mean_of_points(&initial_rows(&self.scene, &all), INITIAL_INPUTS);
+        let rows = Tensor::from_vec(means, (self.levels.sites.len(), INITIAL_INPUTS), &Device::Cpu)?;
+        let features = self.pass.features(&rows, &self.levels, true)?;
+        let fused = self.query.forward(&features, &self.neighbours, 8)?;
+        let outputs = self.pass.heads(&fused)?;
+        let n = self.scene.len();
+        let attributes = Tensor::from_vec(self.scene.attributes.concat(), (n, 14), &Device::Cpu)?;
+        let velocities = Tensor::zeros((n, 3), DType::F32, &Device::Cpu)?;
+        let [attributes, velocities] = with_residuals(&attributes, &velocities, &outputs)?;
+        let op = RenderOp {
+            view: self.view.pinhole,
+            times: Arc::new(self.scene.times.clone()),
+            num_lidar: n,
+            background: [0.1, 0.2, 0.3],
+        };
+        let image = op.render(&attributes, &velocities)?;
+        LossOp { view: self.view.clone(), weights: LossWeights::default() }.loss(&image)
+    }
+
+    fn value(&self) -> Result<f64, Failed> {
+        self.loss().and_then(|l| l.to_scalar::<f32>()).map(f64::from).map_err(failed)
+    }
+}
+
+fn scene(random: &mut Random) -> GaussianSet {
+    let mut set = GaussianSet::default();
+    for i in 0..NUM_POINTS {
+        let mut row = [0.0_f32; 14];
+        row[MEAN].copy_from_slice(&[
+            random.uniform_single(-2.0, 2.0),
+            random.uniform_single(-1.2, 1.2),
+            random.uniform_single(3.0, 7.0),
+        ]);
+        row[QUAT.start] = 1.0;
+        row[LOG_SCALE].fill(random.uniform_single(-2.6, -1.6));
+        row[LOGIT_COLOUR].copy_from_slice(&[0.0; 3].map(|_: f32| random.normal_single()));
+        set.attributes.push(row);
+        set.times.push(if i % 2 == 0 { 0.0 } else { 0.1 });
+        set.velocities.push([0.0; 3]);
+    }
+    set.num_lidar = NUM_POINTS;
+    set
+}
+
+fn view(random: &mut Random) -> View {
+    let (width, height) = (40, 28);
+    let pinhole = PinholeView {
+        width,
+        height,
+        fx: 36.0,
+        fy: 36.0,
+        cx: 20.0,
+        cy: 14.0,
+        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        time: 0.05,
+    };
+    let data = (0..width * height * 3).map(|_| random.uniform_single(0.0, 1.0)).collect();
+    let depth_samples =
+        (0..40).map(|k| DepthSample { pixel: 28 * k, depth: random.uniform_single(3.0, 7.0) }).collect();
+    let image = RgbImage { width, height, data };
+    View { frame: 0, camera: "a".to_owned(), role: Role::Input, pinhole, image, labels: None, depth_samples }
+}
+
+fn whole_path() -> Outcome {
+    let path = Path::new()?;
+    let gradients = path.loss().and_then(|l| l.backward()).map_err(failed)?;
+    let mut random = Random::new(11);
+    for direction in 0..DIRECTIONS {
+        let mut slope = 0.0_f64;
+        let mut steps = Vec::new();
+        for (name, variable) in &path.variables {
+            let gradient = gradients.get(variable).ok_or_else(|| format!("{name} has no gradient"))?;
+            let gradient = gradient.flatten_all().and_then(|g| g.to_vec1::<f32>()).map_err(failed)?;
+            // Along the gradient's own signs: no cancellation, so that f32 is enough to see the slope.
+            let step: Vec<f32> = gradient.iter().map(|g| g.signum() * random.uniform_single(0.2, 1.0)).collect();
+            slope += gradient.iter().zip(&step).map(|(g, s)| f64::from(*g) * f64::from(*s)).sum::<f64>();
+            steps.push(Tensor::from_vec(step, variable.shape(), &Device::Cpu).map_err(failed)?);
+        }
+        let length = 2e-3 / slope.abs().max(1e-3);
+        let mut moved = [0.0; 2];
+        for (value, side) in moved.iter_mut().zip([1.0, -1.0]) {
+            let starts: Vec<Tensor> =
+                path.variables.iter().map(|(_, v)| v.as_tensor().copy()).collect::<Result<_, _>>().map_err(failed)?;
+            for ((_, variable), (start, step)) in path.variables.iter().zip(starts.iter().zip(&steps)) {
+                let to = (start + (step * (side * length)).map_err(failed)?).map_err(failed)?;
+                variable.set(&to).map_err(failed)?;
+            }
+            *value = path.value()?;
+            for ((_, variable), start) in path.variables.iter().zip(&starts) {
+                variable.set(start).map_err(failed)?;
+            }
+        }
+        let measured = (moved[0] - moved[1]) / (2.0 * length);
+        if (measured - slope).abs() > TOLERANCE * slope.abs() {
+            return Err(format!("direction {direction}: slope {slope:e}, finite difference {measured:e}").into());
+        }
+    }
+    Ok(())
+}
