@@ -14,11 +14,6 @@ pub(crate) struct Lines {
 struct Line([f32; 16]);
 
 impl Lines {
-    /// `len` zeros.
-    pub(crate) fn zeros(len: usize) -> Self {
-        Self { lines: vec![Line([0.0; 16]); len.div_ceil(16)], len }
-    }
-
     /// Makes room for `len` values of any content.
     pub(crate) fn resize(&mut self, len: usize) {
         self.lines.resize(len.div_ceil(16), Line([0.0; 16]));

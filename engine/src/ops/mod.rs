@@ -10,7 +10,7 @@ pub mod segment;
 pub mod serialization;
 pub mod sparse_conv;
 
-mod lanes;
+pub(crate) mod lanes;
 mod tensors;
 #[cfg(test)]
 mod test_support;

@@ -14,7 +14,7 @@ use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
 
 pub(crate) use cpu::{Attend, Heads, Scratch};
 pub use patches::Patches;
-pub(crate) use patches::rows_by_group;
+pub(crate) use patches::{Group, rows_by_group};
 
 use super::tensors::{slice, with_values};
 

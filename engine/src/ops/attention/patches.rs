@@ -13,6 +13,13 @@ pub(crate) struct Patch {
     pub(crate) end: usize,
 }
 
+impl Patch {
+    /// Number of positions that are attended to.
+    pub(crate) fn num_keys(&self) -> usize {
+        self.end - self.first_key
+    }
+}
+
 /// Patches of one or more clouds that lie one after the other along the curve.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Patches {
