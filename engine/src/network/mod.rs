@@ -9,6 +9,7 @@ pub mod linear;
 pub mod model;
 pub mod normalise;
 pub mod pass;
+pub mod policy;
 pub mod query;
 pub mod source;
 pub mod unet;
