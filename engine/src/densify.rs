@@ -43,6 +43,17 @@ impl Default for Thresholds {
     }
 }
 
+/// Who decides what is pruned and added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Density {
+    /// The learned policy.
+    Policy,
+    /// Chance, as often as the policy would: the ablation.
+    Random,
+    /// Nobody: the set stays as it is.
+    Off,
+}
+
 /// What happens to one primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {

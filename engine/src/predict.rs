@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use crate::error::Result;
-use crate::gaussians::{GaussianSet, MEAN};
+use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
 use crate::network::buffers::Buffers;
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
 use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
 use crate::network::pass::gather;
+use crate::network::policy::{EXTRA_INPUTS, Geometry};
 use crate::ops::knn::nearest_other_time;
 
 /// Features of the `LiDAR` branch, and what the next stages need beside them.
@@ -105,4 +106,33 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
     add_residuals(set, &chosen, &by_point, pass.num_outputs());
     [sites, outputs, by_point].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
+}
+
+/// Scores `[N]` of pruning and of adding for the `LiDAR` branch; `None` when the model has no policy.
+///
+/// # Formula
+/// Input `[f', attributes, ln(1 + points in the voxel)]`, averaged over the points of a voxel; a point has its voxel's scores.
+///
+/// # Errors
+/// When the voxels span more than the curves' bits.
+pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<[Vec<f32>; 2]>> {
+    let (Some(policy), Some(config)) = (&model.policy, &model.config.policy) else { return Ok(None) };
+    let levels = &features.levels;
+    let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
+    let geometry = Geometry::new(&levels.sites, &maps, config)?;
+    let width = model.config.unet.width();
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let states = initial_rows(set, &chosen);
+    let mut rows = features.buffers.take(chosen.len() * (width + EXTRA_INPUTS));
+    let parts = features.rows.chunks_exact(width).zip(states.chunks_exact(INITIAL_INPUTS)).zip(&levels.site_of);
+    for (row, ((feature, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
+        row[..width].copy_from_slice(feature);
+        row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
+        row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
+    }
+    let by_voxel = levels.mean_of_points(&rows, width + EXTRA_INPUTS);
+    features.buffers.give(rows);
+    let found = policy.scores(&by_voxel, &geometry, &mut features.buffers)?;
+    let of = |k: usize| features.levels.site_of.iter().map(|&site| found[site as usize][k]).collect();
+    Ok(Some([of(0), of(1)]))
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use lgs_formats::error::FormatError;
 use serde::{Deserialize, Serialize};
 
+use super::policy::PolicyConfig;
 use super::unet::UNetConfig;
 use crate::error::Result;
 
@@ -29,6 +30,8 @@ pub struct ModelConfig {
     pub background_unet: UNetConfig,
     /// Cross-Time Point Query; absent: not part of the model.
     pub query: Option<QueryConfig>,
+    /// Gaussian Densify Policy; absent: not part of the model.
+    pub policy: Option<PolicyConfig>,
 }
 
 /// Size of the Cross-Time Point Query.
@@ -84,6 +87,9 @@ impl ModelConfig {
                     found,
                 ));
             }
+        }
+        if let Some(fault) = self.policy.as_ref().and_then(PolicyConfig::fault) {
+            return Some(fault);
         }
         match &self.query {
             Some(query) if !(1..=64).contains(&query.neighbours) => {

@@ -6,6 +6,7 @@ use candle_nn::VarBuilder;
 use super::config::ModelConfig;
 use super::normalise::{BACKGROUND_REFINE_INPUTS, INITIAL_INPUTS, REFINE_INPUTS};
 use super::pass::{FoldedPass, Outputs, Pass};
+use super::policy::{EXTRA_INPUTS, FoldedPolicy, Policy};
 use super::query::{PackedQuery, Query};
 use super::weights::{RandomWeights, Recorder, TensorSpec, WeightFile};
 
@@ -25,6 +26,8 @@ pub struct Model {
     pub background_refine: Pass,
     /// Cross-Time Point Query, when the config has one.
     pub query: Option<Query>,
+    /// Gaussian Densify Policy, when the config has one.
+    pub policy: Option<Policy>,
 }
 
 /// The model as inference runs it.
@@ -42,10 +45,12 @@ pub struct FoldedModel {
     pub background_refine: FoldedPass,
     /// Cross-Time Point Query.
     pub query: Option<PackedQuery>,
+    /// Gaussian Densify Policy.
+    pub policy: Option<FoldedPolicy>,
 }
 
 impl Model {
-    /// Makes or loads `initial`, `refine`, `background.{initial, refine}` and `query`.
+    /// Makes or loads `initial`, `refine`, `background.{initial, refine}`, `query` and `policy`.
     ///
     /// # Errors
     /// When the builder has no such tensor.
@@ -54,7 +59,10 @@ impl Model {
         let moving = |cin, name: &str| Pass::new(cin, &config.unet, Outputs::Moving, &vb.pp(name));
         let still = |cin, name: &str| Pass::new(cin, &config.background_unet, Outputs::Static, &background.pp(name));
         let query = config.query.as_ref().map(|_| Query::new(config.unet.width(), &vb.pp("query"))).transpose()?;
+        let inputs = config.unet.width() + EXTRA_INPUTS;
+        let policy = config.policy.as_ref().map(|policy| Policy::new(inputs, policy, &vb.pp("policy"))).transpose()?;
         Ok(Self {
+            policy,
             initial: moving(INITIAL_INPUTS, "initial")?,
             refine: moving(REFINE_INPUTS, "refine")?,
             background_initial: still(BACKGROUND_INITIAL_INPUTS, "initial")?,
@@ -83,6 +91,7 @@ impl Model {
             background_initial: self.background_initial.fold()?,
             background_refine: self.background_refine.fold()?,
             query: self.query.as_ref().map(Query::pack).transpose()?,
+            policy: self.policy.as_ref().map(Policy::fold).transpose()?,
         })
     }
 }
@@ -113,6 +122,7 @@ mod tests {
     use std::path::Path;
 
     use super::{Model, ModelConfig, TensorSpec};
+    use crate::network::config::QueryConfig;
 
     fn parameters(config: &ModelConfig) -> usize {
         let tensors = Model::tensors(config).unwrap();
@@ -123,9 +133,14 @@ mod tests {
     fn parameters_of_the_paper() {
         let path = Path::new("full.json");
         let mut config = ModelConfig::parse(include_str!("../../../models/full.json"), path).unwrap();
-        assert_eq!(parameters(&config), 86_959_294 + 18_432);
+        let millions = |config: &ModelConfig| (parameters(config) as f64 / 1e4).round() / 1e2;
+        assert_eq!(millions(&config), 95.67);
         config.query = None;
+        assert_eq!(millions(&config), 95.65);
+        config.policy = None;
         assert_eq!(parameters(&config), 86_959_294);
+        config.query = Some(QueryConfig { neighbours: 8 });
+        assert_eq!(parameters(&config), 86_959_294 + 18_432);
     }
 
     #[test]

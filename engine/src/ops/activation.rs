@@ -57,7 +57,7 @@ fn gelu_lanes<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
 fn gelu_slope<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
     const HALF_LOG2_E: f32 = std::f32::consts::LOG2_E * 0.5;
     // 1 / sqrt(2 pi)
-    const PEAK: f32 = 0.398_942_28;
+    const PEAK: f32 = 0.398_942_3;
     let power = simd.mul_f32s(simd.mul_f32s(x, x), simd.splat_f32s(-HALF_LOG2_E));
     let density = simd.mul_f32s(exp2(simd, power), simd.splat_f32s(PEAK));
     simd.mul_add_f32s(x, density, normal_cdf(simd, x))

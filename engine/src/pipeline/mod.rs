@@ -15,6 +15,6 @@ mod tests;
 pub use evaluate::{Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
-pub use network::{NetworkSettings, NetworkSummary, run_network};
+pub use network::{NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
 pub use reconstruct::{GaussianCounts, Reconstruction, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -74,11 +74,13 @@ pub fn reconstruct(
     let initial = scene.num_lidar;
     let views: Vec<&View> = inputs.views().iter().collect();
     let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
+    let update = network.as_ref().map(|summary| summary.update).unwrap_or_default();
     let counts = GaussianCounts {
         initial,
+        pruned: update.pruned,
+        added: update.added,
         last: scene.num_lidar,
         background: scene.len() - scene.num_lidar,
-        ..GaussianCounts::default()
     };
     Ok(Reconstruction { scene, counts, network, seconds: start.elapsed().as_secs_f64() })
 }

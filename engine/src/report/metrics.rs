@@ -60,6 +60,14 @@ pub struct Config {
     pub refine_steps: Option<usize>,
     /// Whether the Cross-Time Point Query was asked for; `None` without a network.
     pub query: Option<bool>,
+    /// Who pruned and added; `None` without a network.
+    pub density: Option<String>,
+    /// Score above which a primitive was pruned; `None` without a network.
+    pub theta_prune: Option<f32>,
+    /// Score above which a primitive got a copy; `None` without a network.
+    pub theta_add: Option<f32>,
+    /// Largest number of `LiDAR` Gaussians; `None` for no limit.
+    pub max_gaussians: Option<usize>,
     /// Which views were rendered.
     pub views: String,
     /// Moment of every rendered view, seconds since time zero; `None` for each view's own.

@@ -27,6 +27,7 @@ fn model() -> Result<FoldedModel, String> {
         unet: unet.clone(),
         background_unet: unet,
         query: Some(QueryConfig { neighbours: 8 }),
+        policy: None,
     };
     FoldedModel::random(&config, 3).map_err(|e| e.to_string())
 }

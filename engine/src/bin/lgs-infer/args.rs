@@ -3,7 +3,7 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, ValueEnum, builder::RangedU64ValueParser};
-use lgs_engine::{gaussians::background::Mode, pipeline::HoldOut};
+use lgs_engine::{densify::Density, gaussians::background::Mode, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
 
 /// Largest number of threads that may be asked for.
@@ -38,6 +38,23 @@ pub(crate) struct Args {
     /// Steps of the learned refinement over the input views, 0 to 1000
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
     pub(crate) refine_steps: u32,
+
+    /// Who prunes and adds primitives: `policy`: the network; `random`: chance, as often as the network would; `off`: nobody
+    #[arg(long, value_enum, default_value_t = DensityArg::Policy)]
+    pub(crate) density: DensityArg,
+
+    /// Score above which a primitive is pruned, 0 to 1
+    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
+    pub(crate) theta_prune: f32,
+
+    /// Score above which a primitive gets a copy beside it, 0 to 1
+    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
+    pub(crate) theta_add: f32,
+
+    /// Largest number of LiDAR Gaussians after pruning and adding: the worst go first, then the best copies come
+    /// [default: as many as the scores ask for]
+    #[arg(long, value_name = "N")]
+    pub(crate) max_gaussians: Option<usize>,
 
     /// Whether primitives ask their nearest of other timestamps
     #[arg(long, value_enum, default_value_t = Switch::On)]
@@ -107,6 +124,25 @@ pub(crate) enum Weights {
     File(PathBuf),
     /// Drawn from the seed, in the sizes of a config file.
     Random(PathBuf),
+}
+
+/// `--density`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DensityArg {
+    Policy,
+    Random,
+    Off,
+}
+
+impl DensityArg {
+    /// The engine's word for it.
+    pub(crate) const fn density(self) -> Density {
+        match self {
+            Self::Policy => Density::Policy,
+            Self::Random => Density::Random,
+            Self::Off => Density::Off,
+        }
+    }
 }
 
 /// `on` or `off`.
@@ -191,6 +227,11 @@ fn hold_out(text: &str) -> Result<HoldOut, String> {
     }
 }
 
+fn score(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
+    value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
+}
+
 fn seconds(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| value.is_finite());
     value.ok_or_else(|| format!("expected a finite number of seconds, found {text:?}"))
@@ -266,6 +307,8 @@ mod tests {
             "c --weights random:",
             "c --refine-steps -1",
             "c --query maybe",
+            "c --theta-add 1.5",
+            "c --theta-prune NaN",
             "c --describe models/tiny.json",
             "--json",
             "c --seed -1",

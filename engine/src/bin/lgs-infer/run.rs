@@ -5,6 +5,7 @@ use std::{path::Path, time::Instant};
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     allocator,
+    densify::Thresholds,
     evaluate::lpips::Lpips,
     export::to_cloud,
     gaussians::{GaussianSet, physical::to_physical},
@@ -52,6 +53,10 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
         model: &loaded.model,
         refine_steps: args.refine_steps as usize,
         query: args.query == Switch::On,
+        density: args.density.density(),
+        thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
+        max_gaussians: args.max_gaussians,
+        seed: args.seed,
     });
     let reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
     let scene = to_cloud(&reconstruction.scene)?;
@@ -176,6 +181,10 @@ impl<'a> Job<'a> {
             background: word(&self.args.background),
             refine_steps: (self.args.weights != Weights::None).then_some(self.args.refine_steps as usize),
             query: (self.args.weights != Weights::None).then_some(self.args.query == Switch::On),
+            density: (self.args.weights != Weights::None).then(|| word(&self.args.density)),
+            theta_prune: (self.args.weights != Weights::None).then_some(self.args.theta_prune),
+            theta_add: (self.args.weights != Weights::None).then_some(self.args.theta_add),
+            max_gaussians: self.args.max_gaussians.filter(|_| self.args.weights != Weights::None),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

@@ -9,7 +9,7 @@ use crate::ops::serialization::order;
 use crate::ops::test_support::{assert_close, assert_slope, doubles, values};
 
 fn patches(rows: usize, size: usize) -> Arc<Patches> {
-    let codes: Vec<u64> = values(rows, 3).iter().map(|v| ((v + 1.0) * 1e6) as u64).collect();
+    let codes: Vec<u64> = values(rows, 3).iter().map(|v| u64::from((v + 2.0).to_bits())).collect();
     Arc::new(Patches::new(order(&codes), &[rows], size).unwrap())
 }
 
