@@ -135,12 +135,12 @@ fn other_kernels(file: &GoldenFile) -> Outcome {
     let input = Input::open(file)?;
     let wide = Arc::new(KernelMap::submanifold(&input.sites, 5).map_err(|e| e.to_string())?);
     let x = input.sorted()?;
-    let y = convolve(&x, &variable(&input.tensors, "w.subm5")?, &wide).map_err(failed)?;
+    let y = convolve(&x, variable(&input.tensors, "w.subm5")?.as_tensor(), &wide).map_err(failed)?;
     input.check("out.subm5", &input.in_file_order(&y)?, VALUES)?;
     let (coarse, map) = KernelMap::strided(&input.sites, 3).map_err(|e| e.to_string())?;
     if coarse.coords() != coords_of(&input.tensors, "out.k3s2p1_coords")? {
         return Err("the sites of kernel 3, stride 2, padding 1 differ".into());
     }
-    let y = convolve(&x, &variable(&input.tensors, "w.k3s2p1")?, &Arc::new(map)).map_err(failed)?;
+    let y = convolve(&x, variable(&input.tensors, "w.k3s2p1")?.as_tensor(), &Arc::new(map)).map_err(failed)?;
     input.check("out.k3s2p1", &y, VALUES)
 }
