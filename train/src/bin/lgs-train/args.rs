@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use lgs_formats::image::ImageSize;
 use lgs_train::scenes::{
     SceneConfig, Split,
+    config::MAX_EGO_DISTANCE,
     export::{Export, ImageFormat},
     presets,
     rig::{CAMERA_PLACES, CameraSpec, Rig},
@@ -51,7 +52,8 @@ pub(crate) struct ScenesArgs {
     /// Name of the clip and of its directory [default: split and scene number, as train-000007]; needs --count 1
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
     pub(crate) name: Option<String>,
-    /// Timestamps per clip, 1..=1000 [default: the preset's]
+    /// Timestamps per clip, 1..=1000; in long clips the vehicle drives more slowly, to stay on the street [default: the
+    /// preset's]
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<usize>,
     /// Time between timestamps, seconds, 0.01..=2 [default: the preset's]
@@ -153,6 +155,8 @@ impl ScenesArgs {
     fn overridden(&self, mut config: SceneConfig) -> SceneConfig {
         config.num_frames = self.frames.unwrap_or(config.num_frames);
         config.frame_interval_s = self.interval.unwrap_or(config.frame_interval_s);
+        let duration = config.frame_time(config.num_frames);
+        config.traffic.ego_speed = config.traffic.ego_speed.min(MAX_EGO_DISTANCE / duration.max(1e-3));
         if let Some(num) = self.cameras {
             resize_rig(&mut config.rig, num);
         }
@@ -234,6 +238,14 @@ mod tests {
             scene.config.validate().unwrap();
         }
         assert_ne!(plan[0].config.seed, plan[1].config.seed);
+    }
+
+    #[test]
+    fn long_clips_stay_on_the_street() {
+        for seed in 0..20 {
+            let args = parse(&format!("lgs-train scenes --out o --seed {seed} --frames 199 --interval 0.1"));
+            args.plan().unwrap()[0].config.validate().unwrap();
+        }
     }
 
     #[test]

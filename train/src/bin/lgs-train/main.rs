@@ -8,7 +8,7 @@ use std::{
     process::ExitCode,
 };
 
-use clap::Parser;
+use clap::{Parser, error::ErrorKind as UsageError};
 
 /// Exit code of an error.
 const ERROR: u8 = 2;
@@ -22,7 +22,7 @@ fn main() -> ExitCode {
     };
     match run::run(&cli) {
         Ok(text) => finish(&text),
-        Err(error) => fail(&format!("{error:#}")),
+        Err(error) => fail(&chain(&error)),
     }
 }
 
@@ -43,8 +43,19 @@ fn fail(message: &str) -> ExitCode {
     ExitCode::from(ERROR)
 }
 
+/// The error and its causes, each once: some errors name their cause themselves.
+fn chain(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |line, cause| {
+        let separator = if line.is_empty() { "" } else { ": " };
+        if line.ends_with(&cause) { line } else { line + separator + &cause }
+    })
+}
+
 /// What is wrong with the command line, without the usage that clap puts below it.
 fn usage(error: &clap::Error) -> String {
+    if error.kind() == UsageError::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "expected a command, found none (see --help)".to_owned();
+    }
     let text = error.to_string();
     let what = text.split("\n\n").next().unwrap_or(&text);
     format!("{} (see --help)", what.trim_start_matches("error: "))
