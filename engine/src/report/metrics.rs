@@ -29,7 +29,8 @@ pub struct Metrics {
     pub seed: u64,
     /// How many Gaussians there were.
     pub gaussians: GaussianCounts,
-    /// What the network did and left out; `None` without one.
+    /// What the network did and left out; `None`, and no key, without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkSummary>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,

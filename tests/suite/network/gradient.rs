@@ -163,7 +163,7 @@ fn whole_path() -> Outcome {
             slope += gradient.iter().zip(&step).map(|(g, s)| f64::from(*g) * f64::from(*s)).sum::<f64>();
             steps.push(Tensor::from_vec(step, variable.shape(), &Device::Cpu).map_err(failed)?);
         }
-        let length = 2e-3 / slope.abs().max(1e-3);
+        let length = 2e-4 / slope.abs().max(1e-3);
         let mut moved = [0.0; 2];
         for (value, side) in moved.iter_mut().zip([1.0, -1.0]) {
             let starts: Vec<Tensor> =

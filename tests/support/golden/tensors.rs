@@ -54,6 +54,7 @@ impl TensorFile {
             Dtype::F64 => words(bytes).map(f64::from_le_bytes).collect(),
             Dtype::F32 => words(bytes).map(|w| f64::from(f32::from_le_bytes(w))).collect(),
             Dtype::I32 => words(bytes).map(|w| f64::from(i32::from_le_bytes(w))).collect(),
+            Dtype::I64 => words(bytes).map(|w| i64::from_le_bytes(w) as f64).collect(),
             Dtype::U8 => bytes.iter().map(|&b| f64::from(b)).collect(),
             other => return Err(format!("{}: {name}: unexpected type {other:?}", self.path.display())),
         };
