@@ -11,7 +11,7 @@ const OPACITY: f32 = 0.5;
 /// Standard deviation of a Gaussian over the mean distance to its three nearest neighbours.
 ///
 /// At 1, as `Flux4D` starts, neighbours overlap so far that edges blur and near surfaces bleed over far ones. Mean PSNR (dB) of held-out
-/// views of two real clips, six-camera and one-camera, and their mean depth error (metres): 1: 14.4, 16.5 and 8.4, 2.8; 0.7: 14.9, 17.4 and
+/// views of two real clips, of three cameras and of one, and their mean depth error (metres): 1: 14.4, 16.5 and 8.4, 2.8; 0.7: 14.9, 17.4 and
 /// 5.8, 2.0; 0.5: 15.3, 17.9 and 4.2, 1.6; 0.35: 15.9, 18.2 and 3.3, 1.3; 0.2: 16.2, 18.2 and 2.9, 1.2, but then the static background
 /// stands for most of the pixels, moving things included.
 const SPACING_SHARE: f32 = 0.35;
