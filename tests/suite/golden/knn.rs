@@ -24,7 +24,8 @@ fn equals(file: &GoldenFile) -> Outcome {
     for (at, (&got, &want)) in found.indices.iter().zip(&want.data).enumerate() {
         let want = if want < 0.0 { NO_NEIGHBOUR } else { want as u32 };
         if got != want {
-            return Err(format!("neighbour {} of point {}: got {got}, want {want}", at % found.k, at / found.k).into());
+            let place = format!("out.idx[{at}] (neighbour {} of point {})", at % found.k, at / found.k);
+            return Err(format!("{place}: got {got}, want {want}, tolerance 0").into());
         }
     }
     Ok(())
