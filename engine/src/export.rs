@@ -3,19 +3,24 @@
 use lgs_formats::cloud::{SH_DC, SplatCloud};
 
 use crate::{
+    densify::DensityMap,
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
 };
 
+/// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
+pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
+
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
-/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties.
+/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties. With
+/// a policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
 ///
 /// # Errors
 /// [`EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
-pub fn to_cloud(set: &GaussianSet) -> Result<SplatCloud> {
+pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<SplatCloud> {
     check_finite(set)?;
     let physical = to_physical(set);
     let rows = &set.attributes;
@@ -27,8 +32,15 @@ pub fn to_cloud(set: &GaussianSet) -> Result<SplatCloud> {
         sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (c - 0.5) / SH_DC)).collect(),
         velocities: set.velocities.clone(),
         times: set.times.clone(),
-        extra: Vec::new(),
+        extra: density.map(|map| score_columns(map, set.len())).unwrap_or_default(),
     })
+}
+
+/// Scores by column, of the `LiDAR` branch and zeros behind it.
+fn score_columns(map: &DensityMap, len: usize) -> Vec<(String, Vec<f32>)> {
+    let column = |scores: &[f32]| scores.iter().copied().chain(std::iter::repeat(0.0)).take(len).collect();
+    let columns = [column(&map.updated.prune), column(&map.updated.add)];
+    SCORE_COLUMNS.map(str::to_owned).into_iter().zip(columns).collect()
 }
 
 fn check_finite(set: &GaussianSet) -> Result<()> {
@@ -89,7 +101,7 @@ mod tests {
 
     #[test]
     fn the_cloud_is_the_scene_as_it_is_drawn() {
-        let cloud = to_cloud(&pair()).unwrap();
+        let cloud = to_cloud(&pair(), None).unwrap();
         let near = |got: f32, want: f32| assert!((got - want).abs() < 1e-5, "got {got}, want {want}");
         assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
         assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
@@ -107,11 +119,11 @@ mod tests {
     fn a_value_that_is_not_finite_is_named() {
         let mut set = pair();
         set.attributes[1][LOG_SCALE.start + 2] = f32::NAN;
-        let error = to_cloud(&set).unwrap_err().to_string();
+        let error = to_cloud(&set, None).unwrap_err().to_string();
         assert_eq!(error, "Gaussian 1, log scale: expected a finite value, found NaN");
         set = pair();
         set.velocities[0][1] = f32::INFINITY;
-        assert!(to_cloud(&set).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
+        assert!(to_cloud(&set, None).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
     }
 
     #[test]

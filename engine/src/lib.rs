@@ -4,6 +4,7 @@
 
 pub mod allocator;
 pub mod error;
+pub mod program;
 pub mod threads;
 
 pub mod ops;

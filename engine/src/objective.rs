@@ -1,5 +1,7 @@
 //! The rendering loss of a scene over several views, and its gradient by the raw parameters.
 
+use std::time::Instant;
+
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, RawGradient};
 use crate::loss::{LossWeights, image_loss, velocity_loss};
@@ -8,6 +10,15 @@ use crate::views::View;
 
 /// Colour behind all Gaussians.
 const BEHIND: [f32; 3] = [0.0; 3];
+
+/// Seconds that an objective took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectiveSeconds {
+    /// Drawing the views, and its gradient.
+    pub render: f64,
+    /// The loss of the drawn images, and its gradient.
+    pub loss: f64,
+}
 
 /// A scene's loss with its gradient.
 #[derive(Clone, Debug)]
@@ -18,6 +29,8 @@ pub struct Objective {
     pub gradient: RawGradient,
     /// `[N]` whether any view shows the Gaussian's footprint.
     pub seen: Vec<bool>,
+    /// What it took.
+    pub seconds: ObjectiveSeconds,
 }
 
 /// The loss of the scene over `views`, and its gradient.
@@ -28,14 +41,17 @@ pub struct Objective {
 /// # Gradient
 /// Exact, by all 14 raw attributes and the velocities of both branches; views are added in their order.
 pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Objective {
+    let start = Instant::now();
     let splats: Vec<Splat> = to_physical(set);
     let mut sum = vec![SplatGradient::default(); splats.len()];
     let mut seen = vec![false; splats.len()];
-    let mut loss = 0.0;
+    let (mut loss, mut loss_s) = (0.0, 0.0);
     let share = 1.0 / views.len().max(1) as f32;
     for view in views {
         let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
+        let before_loss = Instant::now();
         let (terms, by_image) = image_loss(&state.images, view, weights);
+        loss_s += before_loss.elapsed().as_secs_f64();
         loss += terms.total / views.len() as f64;
         state.visible().for_each(|i| seen[i] = true);
         let gradient = backward(&splats, &view.pinhole, &state, &by_image);
@@ -49,5 +65,6 @@ pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> O
     }
     velocities[set.num_lidar..].fill([0.0; 3]);
     loss += speed;
-    Objective { loss, gradient: RawGradient { attributes, velocities }, seen }
+    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
+    Objective { loss, gradient: RawGradient { attributes, velocities }, seen, seconds }
 }

@@ -1,5 +1,7 @@
 //! The learned refinement: render, loss, gradient, network, update, a few times over.
 
+use std::time::Instant;
+
 use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
 use crate::loss::LossWeights;
@@ -18,7 +20,7 @@ pub struct RefineSummary {
     pub losses: Vec<f64>,
     /// Steps whose result was kept.
     pub steps: usize,
-    /// Whether a step was taken back and the refinement ended because the loss had not fallen.
+    /// Whether the refinement ended because a step did not help: it changed nothing, or was taken back as the loss had not fallen.
     pub stopped_early: bool,
     /// Gaussians that no input view shows and that were left as they are, in the last step.
     pub unseen: usize,
@@ -26,6 +28,20 @@ pub struct RefineSummary {
     pub pyramids_kept: usize,
     /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
     pub non_finite_gradients: usize,
+    /// What it took; no result, so not part of what is written of one.
+    #[serde(skip)]
+    pub seconds: RefineSeconds,
+}
+
+/// Seconds of a refinement by kind of work.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RefineSeconds {
+    /// Drawing the input views, and its gradient.
+    pub render: f64,
+    /// The loss of the drawn views, and its gradient.
+    pub loss: f64,
+    /// The network.
+    pub network: f64,
 }
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
@@ -57,7 +73,8 @@ impl Pyramid {
 ///
 /// # Formula
 /// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. A step after which the loss over the views
-/// has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than its start.
+/// has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than its start. A step that
+/// changes nothing ends the loop without being measured.
 ///
 /// # Gradient
 /// The loss gradients are inputs of the network and constants.
@@ -71,24 +88,27 @@ pub fn refine(
     steps: usize,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
-    let weights = LossWeights::default();
     let mut summary = RefineSummary::default();
     let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(summary);
     }
-    let mut current = objective(set, views, &weights);
-    summary.losses.push(current.loss);
+    let mut current = measured(set, views, &mut summary);
     for _ in 0..steps {
         let before = set.clone();
         summary.non_finite_gradients += silence(&mut current.gradient);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
+        let start = Instant::now();
         for (branch, pyramid) in pyramids.iter_mut().enumerate() {
             step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
         }
-        let after = objective(set, views, &weights);
-        summary.losses.push(after.loss);
+        summary.seconds.network += start.elapsed().as_secs_f64();
         progress();
+        if *set == before {
+            summary.stopped_early = true;
+            break;
+        }
+        let after = measured(set, views, &mut summary);
         // Written so that a loss that is not a number counts as no gain.
         let fell = after.loss < current.loss;
         if !fell {
@@ -101,6 +121,15 @@ pub fn refine(
     }
     summary.pyramids_kept = pyramids[0].reused;
     Ok(summary)
+}
+
+/// The objective, noted in the summary.
+fn measured(set: &GaussianSet, views: &[&View], summary: &mut RefineSummary) -> Objective {
+    let found = objective(set, views, &LossWeights::default());
+    summary.losses.push(found.loss);
+    summary.seconds.render += found.seconds.render;
+    summary.seconds.loss += found.seconds.loss;
+    found
 }
 
 /// One step of one branch.

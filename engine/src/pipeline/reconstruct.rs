@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, run_network};
 use crate::{
+    densify::DensityMap,
     error::Result,
     gaussians::{
         self, GaussianSet,
@@ -40,6 +41,8 @@ pub struct Reconstruction {
     pub counts: GaussianCounts,
     /// What the network did; `None` without one.
     pub network: Option<NetworkSummary>,
+    /// What the policy said of each primitive; `None` where it was not asked.
+    pub density: Option<DensityMap>,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -74,7 +77,7 @@ pub fn reconstruct(
     let initial = scene.num_lidar;
     let views: Vec<&View> = inputs.views().iter().collect();
     let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
-    let update = network.as_ref().map(|summary| summary.update).unwrap_or_default();
+    let update = network.as_ref().map(|run| run.update).unwrap_or_default();
     let counts = GaussianCounts {
         initial,
         pruned: update.pruned,
@@ -82,5 +85,7 @@ pub fn reconstruct(
         last: scene.num_lidar,
         background: scene.len() - scene.num_lidar,
     };
-    Ok(Reconstruction { scene, counts, network, seconds: start.elapsed().as_secs_f64() })
+    let seconds = start.elapsed().as_secs_f64();
+    let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
+    Ok(Reconstruction { scene, counts, network, density: density.flatten(), seconds })
 }

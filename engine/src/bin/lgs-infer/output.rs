@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     pipeline::{Figures, RenderedView},
-    report::{PageView, Picture, PictureKind},
+    report::{PageView, Picture, PictureKind, ScoreKind},
     views::View,
 };
 use lgs_formats::{cloud::SplatCloud, ply::write_ply, write::write_atomic};
@@ -32,8 +32,8 @@ pub(crate) struct ViewPictures {
 
 /// The pictures of a rendered view, of which at most `max_width` pixels go into the report.
 pub(crate) fn pictures_of(drawn: RenderedView<'_>, figures: Figures<'_>, max_width: u32) -> Result<ViewPictures> {
-    let RenderedView { view, rendered, .. } = drawn;
-    let pictures = match figures {
+    let RenderedView { view, rendered, scores, .. } = drawn;
+    let mut pictures = match figures {
         Figures::OfTruth { .. } => vec![
             Picture::of_truth(&view.image),
             Picture::of_render(rendered),
@@ -42,6 +42,9 @@ pub(crate) fn pictures_of(drawn: RenderedView<'_>, figures: Figures<'_>, max_wid
         ],
         Figures::AtTime(_) => vec![Picture::of_render(rendered), Picture::of_depth(rendered)],
     };
+    if let Some(scores) = scores {
+        pictures.extend([ScoreKind::Prune, ScoreKind::Add].map(|kind| Picture::of_score(kind, rendered, scores)));
+    }
     let (mut files, mut embedded) = (Vec::new(), Vec::new());
     for picture in &pictures {
         let name = picture_name(view, picture.kind);

@@ -5,7 +5,7 @@ use std::{path::Path, time::Instant};
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     allocator,
-    densify::Thresholds,
+    densify::{DensityMap, Thresholds},
     evaluate::lpips::Lpips,
     export::to_cloud,
     gaussians::{GaussianSet, physical::to_physical},
@@ -13,7 +13,9 @@ use lgs_engine::{
         describe::describe,
         source::{LoadedModel, config_of, load_model, random_model},
     },
-    pipeline::{Figures, HoldOut, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, reconstruct},
+    pipeline::{
+        Drawing, Figures, HoldOut, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, reconstruct,
+    },
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -40,6 +42,9 @@ pub(crate) fn run(args: &Args) -> Result<String> {
 /// Reconstructs a clip, writes the output and returns what to print.
 fn infer(args: &Args, clip: &Path) -> Result<String> {
     let start = Instant::now();
+    if args.max_gaussians.is_some() && args.weights == Weights::None {
+        bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
+    }
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
@@ -59,8 +64,8 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
         seed: args.seed,
     });
     let reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
-    let scene = to_cloud(&reconstruction.scene)?;
-    let drawn = job.draw(&reconstruction.scene, &inputs, &mut watch)?;
+    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
+    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
@@ -136,7 +141,7 @@ impl<'a> Job<'a> {
     /// images are read.
     fn draw(
         &self,
-        scene: &GaussianSet,
+        (scene, density): (&GaussianSet, Option<&DensityMap>),
         inputs: &Inputs<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<(ViewRecord, ViewPictures)>> {
@@ -156,7 +161,8 @@ impl<'a> Job<'a> {
             let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
             Ok((record, pictures_of(drawn, figures, width)?))
         };
-        evaluate_views(&to_physical(scene), &views, figures, watch, &keep)
+        let (scene, scores) = (to_physical(scene), density.map(DensityMap::splats));
+        evaluate_views(Drawing { scene: &scene, scores: scores.as_deref() }, &views, figures, watch, &keep)
     }
 
     fn figures(&self) -> Figures<'_> {
