@@ -10,8 +10,10 @@ pub mod process;
 pub mod random;
 pub mod readme;
 pub mod scenes;
+pub mod slopes;
 pub mod sources;
 pub mod views;
+pub mod weights;
 
 /// Result of one case; the error is what the report prints.
 pub type Outcome = Result<(), libtest_mimic::Failed>;

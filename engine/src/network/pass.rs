@@ -5,7 +5,7 @@ use candle_nn::VarBuilder;
 
 use super::buffers::Buffers;
 use super::levels::Levels;
-use super::linear::{Linear, PackedLinear, Start};
+use super::linear::{Linear, PackedLinear};
 use super::unet::{FoldedUNet, UNet, UNetConfig};
 use crate::gaussians::NUM_ATTRIBUTES;
 use crate::ops::sparse_conv::KernelMap;
@@ -43,7 +43,7 @@ impl Pass {
     /// When the builder has no such tensor.
     pub fn new(cin: usize, config: &UNetConfig, outputs: Outputs, vb: &VarBuilder<'_>) -> Result<Self> {
         let heads = vb.pp("heads");
-        let head = |name: &str, cout: usize| Linear::new(config.width(), cout, Start::Zero, true, &heads.pp(name));
+        let head = |name: &str, cout: usize| Linear::zero(config.width(), cout, &heads.pp(name));
         Ok(Self {
             unet: UNet::new(cin, config, &vb.pp("unet"))?,
             gaussian_head: head("gaussian", NUM_ATTRIBUTES)?,

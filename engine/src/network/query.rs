@@ -13,7 +13,7 @@ use candle_core::{Result, Tensor};
 use candle_nn::VarBuilder;
 
 use super::buffers::Buffers;
-use super::linear::{Linear, PackedLinear, Start};
+use super::linear::{Linear, PackedLinear};
 use crate::ops::knn::NO_NEIGHBOUR;
 use crate::ops::neighbour_mean::{neighbour_mean, neighbour_mean_into};
 use crate::ops::sparse_conv::KernelMap;
@@ -38,7 +38,7 @@ impl Query {
     /// # Errors
     /// When the builder has no such tensor.
     pub fn new(width: usize, vb: &VarBuilder<'_>) -> Result<Self> {
-        Ok(Self { projection: Linear::new(2 * width, width, Start::Zero, false, &vb.pp("projection"))?, width })
+        Ok(Self { projection: Linear::zero_without_bias(2 * width, width, &vb.pp("projection"))?, width })
     }
 
     /// The fused features, differentiable.

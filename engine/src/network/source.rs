@@ -6,12 +6,16 @@ use lgs_formats::error::FormatError;
 use safetensors::SafeTensors;
 
 use super::config::ModelConfig;
-use super::model::FoldedModel;
-use super::weights::WeightFile;
+use super::describe::thousands;
+use super::model::{FoldedModel, Model};
+use super::weights::{TensorSpec, WeightFile};
 use crate::error::Result;
 
 /// Key of a weights file's metadata that holds the model's config as JSON.
 pub const CONFIG_KEY: &str = "config";
+
+/// Parameters of the largest model that is made: a config may ask for far more than a memory holds.
+const MAX_PARAMETERS: usize = 400_000_000;
 
 /// A model ready to run, and the digest of the file that it came from.
 #[derive(Clone, Debug)]
@@ -28,7 +32,7 @@ pub struct LoadedModel {
 /// When the file cannot be read, its config is invalid, or its tensors are not the config's.
 pub fn load_model(path: &Path) -> Result<LoadedModel> {
     let file = WeightFile::read(path)?;
-    let config = ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?;
+    let config = of_possible_size(ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?, path)?;
     Ok(LoadedModel { model: FoldedModel::load(&config, &file)?, sha256: Some(file.sha256().to_owned()) })
 }
 
@@ -37,7 +41,8 @@ pub fn load_model(path: &Path) -> Result<LoadedModel> {
 /// # Errors
 /// When the file is no valid config.
 pub fn random_model(path: &Path, seed: u64) -> Result<LoadedModel> {
-    Ok(LoadedModel { model: FoldedModel::random(&ModelConfig::read(path)?, seed)?, sha256: None })
+    let config = of_possible_size(ModelConfig::read(path)?, path)?;
+    Ok(LoadedModel { model: FoldedModel::random(&config, seed)?, sha256: None })
 }
 
 /// The config of a file that is either a config or a weights file.
@@ -48,10 +53,23 @@ pub fn config_of(path: &Path) -> Result<ModelConfig> {
     let bytes = std::fs::read(path).map_err(|source| FormatError::io(path, "read", source))?;
     if SafeTensors::read_metadata(&bytes).is_ok() {
         let file = WeightFile::parse(&path.display().to_string(), &bytes)?;
-        return ModelConfig::parse(file.metadata(CONFIG_KEY)?, path);
+        return of_possible_size(ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?, path);
     }
     match std::str::from_utf8(&bytes) {
-        Ok(text) => ModelConfig::parse(text, path),
+        Ok(text) => of_possible_size(ModelConfig::parse(text, path)?, path),
         Err(_) => Err(FormatError::invalid(path, "content", "a model config or a weights file", "neither").into()),
     }
+}
+
+/// The config, of a model that can be made.
+///
+/// # Errors
+/// When the model has more than [`MAX_PARAMETERS`].
+fn of_possible_size(config: ModelConfig, path: &Path) -> Result<ModelConfig> {
+    let parameters: usize = Model::tensors(&config)?.iter().map(TensorSpec::len).sum();
+    if parameters <= MAX_PARAMETERS {
+        return Ok(config);
+    }
+    let expected = format!("at most {} parameters", thousands(MAX_PARAMETERS));
+    Err(FormatError::invalid(path, "config", expected, thousands(parameters)).into())
 }

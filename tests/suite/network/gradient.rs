@@ -6,7 +6,7 @@ use std::sync::Arc;
 use candle_core::{DType, Device, Tensor, Var};
 use candle_nn::VarBuilder;
 use candle_nn::var_builder::SimpleBackend;
-use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, MEAN, QUAT};
+use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::loss::op::LossOp;
 use lgs_engine::network::levels::{Levels, voxels_of};
@@ -17,13 +17,14 @@ use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::network::weights::{RandomWeights, Recorder};
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::render::op::RenderOp;
-use lgs_engine::views::{DepthSample, PinholeView, Role, View};
-use lgs_formats::image::RgbImage;
+use lgs_engine::views::View;
 use lgs_tests::random::Random;
+use lgs_tests::slopes::Slopes;
 use lgs_tests::{Outcome, case};
 use libtest_mimic::{Failed, Trial};
 
-const NUM_POINTS: usize = 200;
+use super::scene::{scene, view};
+
 const VOXEL: f64 = 0.5;
 /// Directions along which the loss is followed.
 const DIRECTIONS: usize = 6;
@@ -103,84 +104,10 @@ impl Path {
         let image = op.render(&attributes, &velocities)?;
         LossOp { view: self.view.clone(), weights: LossWeights::default() }.loss(&image)
     }
-
-    fn value(&self) -> Result<f64, Failed> {
-        self.loss().and_then(|l| l.to_scalar::<f32>()).map(f64::from).map_err(failed)
-    }
-}
-
-fn scene(random: &mut Random) -> GaussianSet {
-    let mut set = GaussianSet::default();
-    for i in 0..NUM_POINTS {
-        let mut row = [0.0_f32; 14];
-        row[MEAN].copy_from_slice(&[
-            random.uniform_single(-2.0, 2.0),
-            random.uniform_single(-1.2, 1.2),
-            random.uniform_single(3.0, 7.0),
-        ]);
-        row[QUAT.start] = 1.0;
-        row[LOG_SCALE].fill(random.uniform_single(-2.6, -1.6));
-        row[LOGIT_COLOUR].copy_from_slice(&[0.0; 3].map(|_: f32| random.normal_single()));
-        set.attributes.push(row);
-        set.times.push(if i % 2 == 0 { 0.0 } else { 0.1 });
-        set.velocities.push([0.0; 3]);
-    }
-    set.num_lidar = NUM_POINTS;
-    set
-}
-
-fn view(random: &mut Random) -> View {
-    let (width, height) = (40, 28);
-    let pinhole = PinholeView {
-        width,
-        height,
-        fx: 36.0,
-        fy: 36.0,
-        cx: 20.0,
-        cy: 14.0,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time: 0.05,
-    };
-    let data = (0..width * height * 3).map(|_| random.uniform_single(0.0, 1.0)).collect();
-    let depth_samples =
-        (0..40).map(|k| DepthSample { pixel: 28 * k, depth: random.uniform_single(3.0, 7.0) }).collect();
-    let image = RgbImage { width, height, data };
-    View { frame: 0, camera: "a".to_owned(), role: Role::Input, pinhole, image, labels: None, depth_samples }
 }
 
 fn whole_path() -> Outcome {
     let path = Path::new()?;
-    let gradients = path.loss().and_then(|l| l.backward()).map_err(failed)?;
-    let mut random = Random::new(11);
-    for direction in 0..DIRECTIONS {
-        let mut slope = 0.0_f64;
-        let mut steps = Vec::new();
-        for (name, variable) in &path.variables {
-            let gradient = gradients.get(variable).ok_or_else(|| format!("{name} has no gradient"))?;
-            let gradient = gradient.flatten_all().and_then(|g| g.to_vec1::<f32>()).map_err(failed)?;
-            // Along the gradient's own signs: no cancellation, so that f32 is enough to see the slope.
-            let step: Vec<f32> = gradient.iter().map(|g| g.signum() * random.uniform_single(0.2, 1.0)).collect();
-            slope += gradient.iter().zip(&step).map(|(g, s)| f64::from(*g) * f64::from(*s)).sum::<f64>();
-            steps.push(Tensor::from_vec(step, variable.shape(), &Device::Cpu).map_err(failed)?);
-        }
-        let length = 2e-4 / slope.abs().max(1e-3);
-        let mut moved = [0.0; 2];
-        for (value, side) in moved.iter_mut().zip([1.0, -1.0]) {
-            let starts: Vec<Tensor> =
-                path.variables.iter().map(|(_, v)| v.as_tensor().copy()).collect::<Result<_, _>>().map_err(failed)?;
-            for ((_, variable), (start, step)) in path.variables.iter().zip(starts.iter().zip(&steps)) {
-                let to = (start + (step * (side * length)).map_err(failed)?).map_err(failed)?;
-                variable.set(&to).map_err(failed)?;
-            }
-            *value = path.value()?;
-            for ((_, variable), start) in path.variables.iter().zip(&starts) {
-                variable.set(start).map_err(failed)?;
-            }
-        }
-        let measured = (moved[0] - moved[1]) / (2.0 * length);
-        if (measured - slope).abs() > TOLERANCE * slope.abs() {
-            return Err(format!("direction {direction}: slope {slope:e}, finite difference {measured:e}").into());
-        }
-    }
-    Ok(())
+    let slopes = Slopes { directions: DIRECTIONS, tolerance: TOLERANCE, seed: 11 };
+    slopes.check(&path.variables, &|| path.loss())
 }

@@ -3,7 +3,8 @@
 use candle_core::{DType, Result, Tensor, Var};
 use candle_nn::{Init, VarBuilder};
 
-use crate::ops::{dense, norm};
+pub(super) use crate::network::linear::Linear;
+use crate::ops::norm;
 
 /// Added to the variance of a row (`PyTorch`'s default).
 pub(super) const LAYER_EPS: f32 = 1e-5;
@@ -11,13 +12,6 @@ pub(super) const LAYER_EPS: f32 = 1e-5;
 pub(super) const BATCH_EPS: f64 = 1e-3;
 /// Share of the batch at hand in the running statistics (Point Transformer V3's choice).
 const MOMENTUM: f64 = 0.01;
-
-/// `x W^T + b`.
-#[derive(Clone, Debug)]
-pub(super) struct Linear {
-    pub(super) weight: Tensor,
-    pub(super) bias: Tensor,
-}
 
 /// Normalisation of rows.
 #[derive(Clone, Debug)]
@@ -40,30 +34,6 @@ pub(super) struct BatchNorm {
 pub(super) struct Affine {
     pub(super) factor: Vec<f64>,
     pub(super) shift: Vec<f64>,
-}
-
-impl Linear {
-    /// Makes or loads `weight` `[outputs, inputs]` and `bias` `[outputs]`, uniform within `1 / sqrt(inputs)`.
-    pub(super) fn new(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
-        let reach = 1.0 / (inputs as f64).sqrt();
-        let init = Init::Uniform { lo: -reach, up: reach };
-        Ok(Self {
-            weight: vb.get_with_hints((outputs, inputs), "weight", init)?,
-            bias: vb.get_with_hints(outputs, "bias", init)?,
-        })
-    }
-
-    /// As [`Linear::new`], but zero until it is trained.
-    pub(super) fn zero(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
-        Ok(Self {
-            weight: vb.get_with_hints((outputs, inputs), "weight", Init::Const(0.0))?,
-            bias: vb.get_with_hints(outputs, "bias", Init::Const(0.0))?,
-        })
-    }
-
-    pub(super) fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        dense::linear(x, &self.weight, &self.bias)
-    }
 }
 
 impl LayerNorm {

@@ -1,6 +1,6 @@
 //! Weights from a safetensors file, checked against the model as a whole before any is used.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use candle_core::{DType, Device, Shape, Tensor};
@@ -13,8 +13,8 @@ use sha2::{Digest, Sha256};
 use super::TensorSpec;
 use crate::error::{EngineError, Result};
 
-/// At most so many faults are named in one error.
-const MAX_NAMED: usize = 8;
+/// At most so many tensors of one kind of fault are named in one error.
+const MAX_NAMED: usize = 16;
 
 /// A weights file in memory: tensors in f32, metadata, digest.
 #[derive(Clone, Debug)]
@@ -88,38 +88,61 @@ impl WeightFile {
     /// # Errors
     /// One error that names every tensor that is missing, of another shape, not finite, or not used by the model.
     pub fn check(&self, specs: &[TensorSpec]) -> Result<()> {
-        let mut faults = Vec::new();
+        let mut faults = Faults::default();
         for spec in specs {
             match self.tensors.get(&spec.name) {
-                None => faults.push(format!("{} is missing", spec.name)),
+                None => faults.missing.push(spec.name.clone()),
                 Some(tensor) if tensor.dims() != spec.shape => {
-                    faults.push(format!("{} has shape {:?}, not {:?}", spec.name, tensor.dims(), spec.shape));
+                    faults.misshaped.push(format!("{} {:?} for {:?}", spec.name, tensor.dims(), spec.shape));
                 }
                 Some(tensor) => {
                     let values = tensor.flatten_all()?.to_vec1::<f32>()?;
                     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-                        faults.push(format!("{} holds {} at index {at}", spec.name, values[at]));
+                        faults.not_finite.push(format!("{} {} at index {at}", spec.name, values[at]));
                     }
                 }
             }
         }
-        let known: std::collections::BTreeSet<&str> = specs.iter().map(|s| s.name.as_str()).collect();
-        let unused = self.tensors.keys().filter(|name| !known.contains(name.as_str()));
-        faults.extend(unused.map(|name| format!("{name} is not used by the model")));
-        if faults.is_empty() {
-            return Ok(());
+        let known: BTreeSet<&str> = specs.iter().map(|s| s.name.as_str()).collect();
+        faults.unused = self.tensors.keys().filter(|name| !known.contains(name.as_str())).cloned().collect();
+        match faults.text() {
+            None => Ok(()),
+            Some(found) => Err(EngineError::Weights {
+                file: self.file.clone(),
+                field: "tensors".to_owned(),
+                expected: format!("the {} of the model's config", specs.len()),
+                found,
+            }),
         }
-        let count = faults.len();
-        let mut found = faults[..count.min(MAX_NAMED)].join("; ");
-        if count > MAX_NAMED {
-            found += &format!("; and {} more", count - MAX_NAMED);
-        }
-        Err(EngineError::Weights {
-            file: self.file.clone(),
-            field: format!("{count} tensors"),
-            expected: "the tensors of the model's config".to_owned(),
-            found,
-        })
+    }
+}
+
+/// Tensors that are not as the model wants them.
+#[derive(Debug, Default)]
+struct Faults {
+    missing: Vec<String>,
+    unused: Vec<String>,
+    misshaped: Vec<String>,
+    not_finite: Vec<String>,
+}
+
+impl Faults {
+    /// Every kind of fault with its tensors; `None` when there is none.
+    fn text(&self) -> Option<String> {
+        let kinds = [
+            ("missing", &self.missing),
+            ("not used by the model", &self.unused),
+            ("of another shape", &self.misshaped),
+            ("not finite", &self.not_finite),
+        ];
+        let found = kinds.into_iter().filter(|(_, names)| !names.is_empty()).map(|(kind, names)| {
+            let shown = names[..names.len().min(MAX_NAMED)].join(", ");
+            let more = names.len().saturating_sub(MAX_NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            format!("{} {kind}: {shown}{more}", names.len())
+        });
+        let found: Vec<String> = found.collect();
+        (!found.is_empty()).then(|| found.join("; "))
     }
 }
 
