@@ -101,17 +101,17 @@ fn expect(holds: bool, what: &str, run: &Run) -> Outcome {
 
 fn policy() -> Outcome {
     let place = Place::new()?;
-    let found = place.run("policy", &["--theta-prune", "0.6", "--theta-add", "0.55", "--views", "none"])?;
+    let found = place.run("policy", &["--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none"])?;
     let (pruned, added) = (found.count("pruned")?, found.count("added")?);
     expect(pruned > 100 && added > 100, "some pruned and some added", &found)?;
     let [prune, add] = found.scores()?;
     let num_kept = prune.len() - added;
-    let above: usize = add[..num_kept].iter().filter(|&&score| score > 0.55).count();
-    let kept_are_below = prune.iter().all(|&score| score <= 0.6);
-    let copies_are_above = add[num_kept..].iter().all(|&score| score > 0.55);
+    let above: usize = add[..num_kept].iter().filter(|&&score| score > 0.5).count();
+    let kept_are_below = prune.iter().all(|&score| score <= 0.4);
+    let copies_are_above = add[num_kept..].iter().all(|&score| score > 0.5);
     expect(kept_are_below && copies_are_above && above == added, "the paper's rule", &found)?;
     // A copy has all of its original but the place, which is near.
-    let originals: Vec<usize> = (0..num_kept).filter(|&i| add[i] > 0.55).collect();
+    let originals: Vec<usize> = (0..num_kept).filter(|&i| add[i] > 0.5).collect();
     let near = |(copy, &i): (usize, &usize)| {
         let (a, b) = (found.scene.means[num_kept + copy], found.scene.means[i]);
         let far = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -134,7 +134,9 @@ fn ends() -> Outcome {
 
 fn random() -> Outcome {
     let place = Place::new()?;
-    let flags = |density, seed| ["--theta-prune", "0.6", "--views", "none", "--density", density, "--seed", seed];
+    let flags = |density, seed| {
+        ["--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none", "--density", density, "--seed", seed]
+    };
     let policy = place.run("policy", &flags("policy", "0"))?;
     let random = place.run("random", &flags("random", "0"))?;
     let again = place.run("again", &flags("random", "0"))?;
@@ -164,7 +166,7 @@ fn off() -> Outcome {
 
 fn budget() -> Outcome {
     let place = Place::new()?;
-    let thresholds = ["--theta-prune", "0.6", "--theta-add", "0.5", "--views", "none"];
+    let thresholds = ["--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none"];
     let free = place.run("free", &thresholds)?;
     let (initial, last, added) = (free.count("initial")?, free.count("final")?, free.count("added")?);
     for density in ["policy", "random"] {
@@ -237,7 +239,7 @@ fn pictures() -> Outcome {
 
 fn threads() -> Outcome {
     let place = Place::new()?;
-    let flags = |threads| ["--theta-prune", "0.6", "--refine-steps", "2", "--threads", threads];
+    let flags = |threads| ["--theta-prune", "0.4", "--refine-steps", "2", "--threads", threads];
     let weights = Weights::seeded(SMALL, 2, Heads { residuals: 1e-4, scores: 1.5 })?;
     weights.write(&place.0.path().join("moving.safetensors"))?;
     let one = [flags("1").as_slice(), &["--weights", "moving.safetensors"]].concat();
