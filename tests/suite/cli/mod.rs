@@ -5,6 +5,7 @@ mod describe;
 mod flags;
 mod hostile_clips;
 mod infer;
+mod network;
 mod real_clips;
 mod scenes;
 mod untrained;
@@ -21,6 +22,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         scenes::cases(),
         densify::cases(),
         describe::cases(),
+        network::cases(),
         untrained::cases(),
         weights::cases(),
     ]
