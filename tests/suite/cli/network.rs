@@ -15,6 +15,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("cli::network::what_the_model_lacks_is_said", lacking),
         case("cli::network::query_and_refinement_can_be_switched_off", switched_off),
         case("cli::network::a_step_that_helps_is_kept", a_step_that_helps),
+        case("cli::network::sizes_at_the_edges_run", sizes_at_the_edges),
     ]
 }
 
@@ -97,4 +98,31 @@ fn a_step_that_helps() -> Outcome {
         kept += u8::from(fell);
     }
     if kept > 0 { Ok(()) } else { Err("neither of two opposite steps helped".into()) }
+}
+
+/// No levels, no blocks, widths that no vector divides, patches of one: all of them run and change nothing.
+fn sizes_at_the_edges() -> Outcome {
+    let place = place()?;
+    let stage =
+        |channels: usize, heads: usize, blocks: usize| json!({"channels": channels, "heads": heads, "blocks": blocks});
+    let edges = [
+        ("/unet/encoder", json!([]), "/unet/decoder", json!([])),
+        ("/background_unet/encoder", json!([]), "/background_unet/decoder", json!([])),
+        ("/unet/encoder", json!([5, 3]), "/unet/decoder", json!([11, 13])),
+        ("/policy/encoder", json!([stage(9, 3, 1)]), "/policy/decoder", json!([])),
+        ("/policy/encoder", json!([stage(9, 3, 1), stage(10, 5, 0)]), "/policy/decoder", json!([stage(7, 7, 2)])),
+        ("/policy/patch", json!(1), "/policy/curves", json!(["hilbert-trans"])),
+        ("/policy/patch", json!(4096), "/policy/head_blocks", json!(0)),
+    ];
+    for (first, a, second, b) in edges {
+        let mut config: Value = serde_json::from_str(SMALL)?;
+        for (pointer, value) in [(first, a), (second, b)] {
+            *config.pointer_mut(pointer).ok_or("no such field")? = value;
+        }
+        fs::write(place.path().join("edge.json"), config.to_string())?;
+        let page = page(&place, &["--weights", "random:edge.json", "--frames", "0,1"])
+            .map_err(|e| format!("{first}: {}", e.message().unwrap_or_default()))?;
+        equals(first, &page["gaussians"]["final"], &page["gaussians"]["initial"])?;
+    }
+    Ok(())
 }
