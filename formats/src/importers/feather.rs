@@ -46,7 +46,7 @@ pub(super) fn read_feather(file: &Path) -> Result<Table> {
     let mut len = 0;
     for (index, block) in footer.recordBatches().into_iter().flatten().enumerate() {
         let at = At { file, field: &format!("batch {index}") };
-        len += record_batch(&at, &bytes, block, &kinds, &mut columns)?;
+        len = record_batch(&at, &bytes, block, &kinds, &mut columns)?.saturating_add(len);
     }
     for (field, named) in kinds.iter().zip(&mut columns) {
         if let Kind::Other(what) = &field.kind {

@@ -130,6 +130,10 @@ pub fn open(path: &Path) -> Result<ClipDir> {
 /// # Errors
 /// A file that is missing, damaged or of another form than the layout's; frames, cameras or a scene that it does not have.
 pub fn open_as(layout: Layout, path: &Path, selection: &Selection) -> Result<ClipDir> {
+    if let Some(scene) = selection.scene.as_ref().filter(|_| layout != Layout::NuScenes) {
+        let expected = format!("none: a folder of {layout} holds one scene");
+        return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
+    }
     let Source { root, mut clip, decoder } = layout.read(path, selection.scene.as_deref())?;
     if let Some(frames) = &selection.frames {
         clip.frames = take_frames(path, &clip, frames)?;

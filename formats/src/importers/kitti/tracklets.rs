@@ -34,7 +34,8 @@ pub(super) fn read(file: &Path) -> Result<Option<BTreeMap<u64, Vec<TrackedBox>>>
         let [height, width, length] = [reader.number(item, "h")?, reader.number(item, "w")?, reader.number(item, "l")?];
         let first: u64 = reader.value(item, "first_frame", "a frame number")?;
         let poses = child(item, "poses").ok_or_else(|| reader.error("poses", "an element", "none"))?;
-        for (frame, pose) in (first..).zip(items(poses)) {
+        for (frame, pose) in items(poses).enumerate() {
+            let frame = first.saturating_add(frame as u64);
             let ground = [reader.number(pose, "tx")?, reader.number(pose, "ty")?, reader.number(pose, "tz")?];
             let centre = DVec3::from(ground) + DVec3::new(0.0, 0.0, height / 2.0);
             let world_from_box = Pose::new(yaw(reader.number(pose, "rz")?), centre);

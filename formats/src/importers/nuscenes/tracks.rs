@@ -61,8 +61,8 @@ impl Tracks {
             (None, _) => (first, first),
             (_, None) => (last, last),
         };
-        let span = after.timestamp - before.timestamp;
-        let share = if span > 0 { (timestamp - before.timestamp) as f64 / span as f64 } else { 0.0 };
+        let span = after.timestamp.saturating_sub(before.timestamp);
+        let share = if span > 0 { timestamp.saturating_sub(before.timestamp) as f64 / span as f64 } else { 0.0 };
         // What is seen at one end only is taken from there for the half that is nearer to it.
         let nearer = if share < 0.5 { before } else { after };
         let placed = |(track, tracked): (&String, &TrackedBox)| match (before.boxes.get(track), after.boxes.get(track))

@@ -21,8 +21,15 @@ const ALLOWED: [Global<'static>; 6] = [
 /// # Errors
 /// Bytes that are no pickle or end early, instructions that Python 3 does not write, names that no frame needs.
 pub(super) fn run<'a>(at: At<'_>, bytes: &'a [u8]) -> Result<Heap<'a>> {
-    let mut machine =
-        Machine { at, rest: bytes, heap: Heap::default(), stack: Vec::new(), marks: Vec::new(), memo: Vec::new() };
+    let mut machine = Machine {
+        at,
+        rest: bytes,
+        heap: Heap::default(),
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: Vec::new(),
+        num_bytes: bytes.len(),
+    };
     if bytes.first() != Some(&0x80) {
         return Err(at.error("a pickle of protocol 2 to 5", "other bytes"));
     }
@@ -39,6 +46,8 @@ struct Machine<'a, 'b> {
     /// Heights of the stack at which a collection starts.
     marks: Vec<usize>,
     memo: Vec<Option<Id>>,
+    /// Bytes of the pickle: it remembers fewer values than that.
+    num_bytes: usize,
 }
 
 impl<'a> Machine<'a, '_> {
@@ -195,8 +204,8 @@ impl<'a> Machine<'a, '_> {
             self.stack.push(id);
             return Ok(());
         }
-        // Places are given out one after the other; a pickle has no more of them than bytes.
-        if place > self.memo.len().saturating_add(1 << 20) {
+        // Places are given out one after the other, each by an instruction.
+        if place > self.num_bytes {
             return self.damaged();
         }
         let top = self.top()?;

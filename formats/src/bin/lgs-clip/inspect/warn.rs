@@ -5,8 +5,8 @@ use lgs_formats::{clip::Clip, pose::Pose};
 
 use super::Report;
 
-/// Time between an image and its sweep that is worth a look, milliseconds: a revolution of usual LiDARs.
-const MAX_OFFSET_MS: f64 = 100.0;
+/// Time between an image and its sweep that is worth a look, milliseconds: more than a revolution of usual sensors.
+const MAX_OFFSET_MS: f64 = 150.0;
 /// Spread of the time between the images of a camera and their sweeps, milliseconds.
 const MAX_OFFSET_SPREAD_MS: f64 = 20.0;
 /// Speed that no car has, metres a second.
@@ -20,7 +20,7 @@ const HOLE: f64 = 1.8;
 /// Share of the returns below which a camera most likely looks elsewhere than its pose says.
 const MIN_VISIBLE: f64 = 0.005;
 /// Share of the returns that no camera sees that is worth saying.
-const MAX_UNSEEN: f64 = 0.6;
+const MAX_UNSEEN: f64 = 0.9;
 
 /// One sentence for each thing that looks wrong.
 pub(super) fn warnings(clip: &Clip, report: &Report) -> Vec<String> {
