@@ -9,6 +9,7 @@ pub mod clip_dir;
 mod clip_json;
 pub mod cloud;
 pub mod image;
+pub mod importers;
 pub mod ply;
 mod read;
 pub mod sweep;

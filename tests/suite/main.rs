@@ -2,6 +2,7 @@
 
 mod cli;
 mod golden;
+mod importers;
 mod network;
 mod readme;
 mod render;
@@ -18,6 +19,7 @@ fn main() -> ExitCode {
     cases.extend(render::cases());
     cases.extend(network::cases());
     cases.extend(structure::cases());
+    cases.extend(importers::cases());
     cases.extend(cli::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()

@@ -3,6 +3,7 @@
 pub mod clips;
 pub mod compare;
 pub mod golden;
+pub mod layouts;
 pub mod metrics;
 pub mod pictures;
 pub mod places;

@@ -20,7 +20,7 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::{clip_dir::ClipDir, importers};
 use sha2::{Digest, Sha256};
 
 use crate::{
@@ -48,7 +48,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
-    let dir = watch.time(Stage::Load, |_| ClipDir::open(clip))?;
+    let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
 

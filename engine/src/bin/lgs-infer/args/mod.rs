@@ -23,7 +23,7 @@ const MAX_THREADS: u64 = 1024;
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(name = "lgs-infer", version, max_term_width = 110)]
 pub(crate) struct Args {
-    /// Clip directory: a folder with a `clip.json` of format lgs-clip/1
+    /// Clip directory: a folder with a `clip.json` of format lgs-clip/1, or a folder that `lgs-clip import` knows
     #[arg(value_name = "CLIP_DIR", required_unless_present = "describe")]
     pub(crate) clip_dir: Option<PathBuf>,
 
