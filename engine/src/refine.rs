@@ -134,7 +134,7 @@ fn step(
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
-fn silence(gradient: &mut RawGradient) -> usize {
+pub fn silence(gradient: &mut RawGradient) -> usize {
     let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
     let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
     spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()
