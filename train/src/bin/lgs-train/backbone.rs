@@ -16,7 +16,7 @@ use crate::backbone_args::BackboneArgs;
 
 /// The text for standard output.
 pub(crate) fn backbone(args: &BackboneArgs) -> Result<String> {
-    threads::set_num_threads(args.threads)?;
+    threads::set_pools(args.threads, Some(std::num::NonZeroUsize::MIN))?;
     let mut state = match &args.config {
         Some(config) if !args.resume => State::new(&ModelConfig::read(config)?, args.settings())?,
         _ => State::read(&args.out)?,
