@@ -1,5 +1,7 @@
 //! The learned refinement: render, loss, gradient, network, update, a few times over.
 
+pub mod adam;
+
 use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
 use crate::loss::LossWeights;
