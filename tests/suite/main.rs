@@ -6,6 +6,7 @@ mod network;
 mod readme;
 mod render;
 mod structure;
+mod train;
 
 use std::process::ExitCode;
 
@@ -17,6 +18,7 @@ fn main() -> ExitCode {
     cases.extend(golden::cases());
     cases.extend(render::cases());
     cases.extend(network::cases());
+    cases.extend(train::cases());
     cases.extend(structure::cases());
     cases.extend(cli::cases());
     cases.extend(readme::cases());

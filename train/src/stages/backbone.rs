@@ -9,7 +9,7 @@ use lgs_engine::{
     gaussians::{GaussianSet, RawGradient},
     loss::LossWeights,
     network::normalise::{add_residuals, residual_gradients},
-    objective::{Objective, objective},
+    objective::{Objective, Terms, objective},
     refine::silence,
     views::View,
 };
@@ -32,6 +32,8 @@ pub struct Losses {
     pub inputs: f64,
     /// Over the target views; that of the input views where there is none.
     pub targets: f64,
+    /// Terms of the loss over the target views.
+    pub terms: Terms,
 }
 
 /// What a step computed.
@@ -51,7 +53,7 @@ pub struct Computed {
 /// When a position leaves the voxel grid.
 pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) -> Result<Computed> {
     let model = variables.model()?;
-    let batch_statistics = settings.takes_batch_statistics(sample.step);
+    let batch_statistics = settings.calibrates(sample.step);
     let passes = Passes { model: &model, config: variables.config(), batch_statistics };
     let mut gradients = variables.zeros();
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
@@ -121,11 +123,11 @@ impl Looked {
         let weights = LossWeights::default();
         let by_inputs = objective(set, inputs, &weights);
         if targets.is_empty() {
-            let losses = Losses { inputs: by_inputs.loss, targets: by_inputs.loss };
+            let losses = Losses { inputs: by_inputs.loss, targets: by_inputs.loss, terms: by_inputs.terms };
             return Self { losses, gradient: by_inputs.gradient.clone(), inputs: by_inputs };
         }
         let by_targets = objective(set, targets, &weights);
-        let losses = Losses { inputs: by_inputs.loss, targets: by_targets.loss };
+        let losses = Losses { inputs: by_inputs.loss, targets: by_targets.loss, terms: by_targets.terms };
         let share = crate::scenes::maths::narrow(target_share);
         let gradient = mixed(&by_inputs.gradient, &by_targets.gradient, share);
         Self { losses, inputs: by_inputs, gradient }

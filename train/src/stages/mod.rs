@@ -16,6 +16,7 @@ mod passes;
 
 pub mod checkpoint;
 pub mod record;
+pub mod plot;
 pub mod validate;
 
 pub mod train;

@@ -13,9 +13,9 @@ pub struct Settings {
     pub seed: u64,
     /// The learning rate over the steps.
     pub schedule: Schedule,
-    /// Share of the steps in which normalisation takes the statistics of the scene at hand; the rest takes the running ones, as
-    /// inference does.
-    pub batch_statistics: f64,
+    /// First steps, in which the statistics of normalisation follow the scenes and the weights stay as they are. All later steps normalise
+    /// by these statistics, exactly as inference does: statistics of the one scene at hand would make another function of the network.
+    pub calibration: u64,
     /// Decoupled weight decay of what convolutions and linear layers multiply by.
     pub weight_decay: f64,
     /// Largest norm of the whole gradient.
@@ -41,7 +41,6 @@ impl Settings {
     /// The first value out of its range.
     pub fn validate(&self) -> Result<()> {
         let shares = [
-            ("batch_statistics", self.batch_statistics),
             ("average", self.average),
             ("target_share", self.target_share),
             ("perturbed", self.perturbed),
@@ -68,8 +67,8 @@ impl Settings {
         self.schedule.validate()
     }
 
-    /// Whether a step takes the statistics of its own scene.
-    pub fn takes_batch_statistics(&self, step: u64) -> bool {
-        (step as f64) < self.batch_statistics * self.schedule.steps as f64
+    /// Whether a step only measures statistics.
+    pub fn calibrates(&self, step: u64) -> bool {
+        step < self.calibration
     }
 }

@@ -14,6 +14,7 @@ use super::{
     backbone::{Computed, compute},
     checkpoint::State,
     clips::TrainingClip,
+    plot::plot,
     record::Table,
     sample::{Sample, sample},
     validate::{Score, ValidationClip, mean_score},
@@ -100,6 +101,7 @@ pub fn train(state: &mut State, job: &Job, observer: &dyn Observer) -> Result<()
             if done || state.step.is_multiple_of(job.checkpoint_every) {
                 state.write(&job.out)?;
                 tables.steps.write()?;
+                tables.draw(&job.out)?;
             }
         }
         Ok(())
@@ -136,6 +138,10 @@ fn one_step(state: &mut State, mut sample: Sample) -> Result<StepReport> {
             state.variables.set(k, values)?;
         }
         return Ok(StepReport { rate, losses, gradient: f64::NAN, seconds: 0.0, gaussians });
+    }
+    if state.settings.calibrates(sample.step) {
+        state.average = state.variables.values()?;
+        return Ok(StepReport { rate: 0.0, losses, gradient: norm, seconds: 0.0, gaussians });
     }
     if norm > state.settings.max_gradient {
         adamw::scale(&mut computed.gradients, state.settings.max_gradient / norm);
@@ -181,11 +187,28 @@ impl Tables {
         let losses = |kind: &str| states.iter().map(|s| format!("{kind}_{s}")).collect::<Vec<_>>();
         let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
         let columns = [names(&["step", "rate", "gradient", "seconds", "lidar", "background"]), losses("inputs")].concat();
-        let columns = [columns, losses("targets")].concat();
+        let columns = [columns, losses("targets"), names(&["l1", "dissimilarity", "depth", "speed"])].concat();
         let steps = Table::open(dir.join("steps.csv"), columns, state.step)?;
         let columns = [names(&["step", "start"]), states].concat();
         let validation = Table::open(dir.join("validation.csv"), columns, state.step)?;
         Ok(Self { steps, validation })
+    }
+
+    /// Pictures of the tables.
+    fn draw(&self, dir: &Path) -> Result<()> {
+        let starting = |table: &Table, prefix: &str| -> Vec<usize> {
+            let named = table.columns().iter().enumerate().filter(|(_, name)| name.starts_with(prefix));
+            named.map(|(k, _)| k).collect()
+        };
+        let parts = ["l1", "dissimilarity", "depth", "speed"].map(|name| starting(&self.steps, name)).concat();
+        let pictures = [
+            (&self.steps, starting(&self.steps, "inputs"), "loss of the input views", "loss_inputs.png"),
+            (&self.steps, starting(&self.steps, "targets"), "loss of the target views", "loss_targets.png"),
+            (&self.steps, parts, "terms of the loss of the target views after the last step", "loss_terms.png"),
+            (&self.steps, starting(&self.steps, "gradient"), "norm of the gradient", "gradient.png"),
+            (&self.validation, (1..self.validation.columns().len()).collect(), "validation PSNR, dB", "validation.png"),
+        ];
+        pictures.iter().try_for_each(|(table, columns, title, file)| plot(table, columns, title, &dir.join(file)))
     }
 
     fn push(&mut self, state: &State, report: &StepReport) {
@@ -193,6 +216,8 @@ impl Tables {
         let mut row = vec![state.step as f64, report.rate, report.gradient, report.seconds, lidar, background];
         row.extend(report.losses.iter().map(|l| l.inputs));
         row.extend(report.losses.iter().map(|l| l.targets));
+        let last = report.losses.last().map(|l| l.terms).unwrap_or_default();
+        row.extend([last.l1, last.dissimilarity, last.depth, last.speed]);
         self.steps.push(row);
     }
 }

@@ -46,9 +46,9 @@ pub(crate) struct BackboneArgs {
     /// Steps over which the learning rate rises
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub(crate) warm_up: u64,
-    /// Share of the steps that normalise by the scene at hand; the rest normalises as inference does
-    #[arg(long, value_name = "X", default_value_t = 0.3)]
-    pub(crate) batch_statistics: f64,
+    /// First steps, which only measure the statistics that normalisation then keeps
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub(crate) calibration: u64,
     /// Weight decay
     #[arg(long, value_name = "X", default_value_t = 0.01)]
     pub(crate) weight_decay: f64,
@@ -94,7 +94,7 @@ impl BackboneArgs {
         Settings {
             seed: self.seed,
             schedule: Schedule { steps, warm_up: self.warm_up.min(steps), peak: self.rate },
-            batch_statistics: self.batch_statistics,
+            calibration: self.calibration,
             weight_decay: self.weight_decay,
             max_gradient: self.max_gradient,
             average: self.average,
