@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, RawGradient};
 use crate::loss::{LossWeights, image_loss, velocity_loss};
@@ -20,11 +22,26 @@ pub struct ObjectiveSeconds {
     pub loss: f64,
 }
 
+/// The terms of a loss, unweighted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// Mean absolute colour error.
+    pub l1: f64,
+    /// `1 - SSIM`; views without a similarity count 0.
+    pub dissimilarity: f64,
+    /// Mean absolute depth error, metres.
+    pub depth: f64,
+    /// Mean speed of the `LiDAR` branch, metres a second.
+    pub speed: f64,
+}
+
 /// A scene's loss with its gradient.
 #[derive(Clone, Debug)]
 pub struct Objective {
     /// Mean of the image losses over the views plus the velocity term.
     pub loss: f64,
+    /// Its terms, the means over the views.
+    pub terms: Terms,
     /// By the raw parameters.
     pub gradient: RawGradient,
     /// `[N]` whether any view shows the Gaussian's footprint.
@@ -45,17 +62,21 @@ pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> O
     let splats: Vec<Splat> = to_physical(set);
     let mut sum = vec![SplatGradient::default(); splats.len()];
     let mut seen = vec![false; splats.len()];
-    let (mut loss, mut loss_s) = (0.0, 0.0);
+    let (mut loss, mut terms, mut loss_s) = (0.0, Terms::default(), 0.0);
     let share = 1.0 / views.len().max(1) as f32;
     for view in views {
         let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
         let before_loss = Instant::now();
-        let (terms, by_image) = image_loss(&state.images, view, weights);
+        let (of_view, by_image) = image_loss(&state.images, view, weights);
         loss_s += before_loss.elapsed().as_secs_f64();
-        loss += terms.total / views.len() as f64;
+        let mean = 1.0 / views.len() as f64;
+        loss += of_view.total * mean;
+        terms.l1 += of_view.l1 * mean;
+        terms.dissimilarity += of_view.ssim.map_or(0.0, |ssim| 1.0 - ssim) * mean;
+        terms.depth += of_view.depth * mean;
         state.visible().for_each(|i| seen[i] = true);
         let gradient = backward(&splats, &view.pinhole, &state, &by_image);
-        sum.iter_mut().zip(&gradient).for_each(|(s, g)| s.add_scaled(g, share));
+        sum.par_iter_mut().zip(&gradient).with_min_len(4096).for_each(|(s, g)| s.add_scaled(g, share));
     }
     let (attributes, mut velocities) = to_raw_gradient(set, &sum);
     // The background does not move: its velocities are no variables.
@@ -65,6 +86,9 @@ pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> O
     }
     velocities[set.num_lidar..].fill([0.0; 3]);
     loss += speed;
+    if weights.velocity > 0.0 {
+        terms.speed = speed / f64::from(weights.velocity);
+    }
     let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
-    Objective { loss, gradient: RawGradient { attributes, velocities }, seen, seconds }
+    Objective { loss, terms, gradient: RawGradient { attributes, velocities }, seen, seconds }
 }

@@ -10,7 +10,7 @@ use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
 use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
 use crate::network::pass::gather;
 use crate::network::policy::{EXTRA_INPUTS, Geometry};
-use crate::ops::knn::nearest_other_time;
+use crate::ops::knn::{Neighbours, nearest_other_time};
 
 /// Features of the `LiDAR` branch, and what the next stages need beside them.
 #[derive(Debug)]
@@ -35,7 +35,8 @@ pub enum QuerySkipped {
     SingleTimestamp,
 }
 
-fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
+/// Positions of chosen Gaussians.
+pub fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
     chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
 }
 
@@ -54,14 +55,11 @@ pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
     Ok(Features { rows, levels, buffers })
 }
 
-/// Lets every primitive ask its nearest of other timestamps; says why where it does not.
+/// The `k` nearest of other timestamps of every primitive of the `LiDAR` branch; `None` when all are of one.
 ///
 /// # Errors
 /// When a position is not finite.
-pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<QuerySkipped>> {
-    let (Some(query), Some(config)) = (&model.query, &model.config.query) else {
-        return Ok(Some(QuerySkipped::NotInModel));
-    };
+pub fn other_time_neighbours(set: &GaussianSet, k: usize) -> Result<Option<Neighbours>> {
     let mut index_of = BTreeMap::new();
     let times: Vec<u32> = set.times[..set.num_lidar]
         .iter()
@@ -72,11 +70,24 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
         .map(|index| u32::try_from(index).unwrap_or(u32::MAX))
         .collect();
     if index_of.len() < 2 {
-        return Ok(Some(QuerySkipped::SingleTimestamp));
+        return Ok(None);
     }
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
     let points: Vec<[f32; 3]> = positions(set, &chosen).collect();
-    let neighbours = nearest_other_time(&points, &times, config.neighbours)?;
+    Ok(Some(nearest_other_time(&points, &times, k)?))
+}
+
+/// Lets every primitive ask its nearest of other timestamps; says why where it does not.
+///
+/// # Errors
+/// When a position is not finite.
+pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<QuerySkipped>> {
+    let (Some(query), Some(config)) = (&model.query, &model.config.query) else {
+        return Ok(Some(QuerySkipped::NotInModel));
+    };
+    let Some(neighbours) = other_time_neighbours(set, config.neighbours)? else {
+        return Ok(Some(QuerySkipped::SingleTimestamp));
+    };
     let fused = query.forward(&features.rows, &neighbours.indices, config.neighbours, &mut features.buffers);
     let plain = std::mem::replace(&mut features.rows, fused);
     features.buffers.give(plain);

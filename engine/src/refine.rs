@@ -1,5 +1,7 @@
 //! The learned refinement: render, loss, gradient, network, update, a few times over.
 
+pub mod adam;
+
 use std::time::Instant;
 
 use crate::error::Result;
@@ -9,7 +11,7 @@ use crate::network::buffers::Buffers;
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::FoldedModel;
 use crate::network::normalise::{BACKGROUND_REFINE_INPUTS, REFINE_INPUTS, add_residuals, refine_rows};
-use crate::network::pass::{FoldedPass, gather};
+use crate::network::pass::{FoldedPass, gather, with_own};
 use crate::objective::{Objective, objective};
 use crate::views::View;
 
@@ -153,17 +155,17 @@ fn step(
     };
     let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
     let rows = refine_rows(set, &objective.gradient, &seen, moving);
-    let features = pass.site_features(&rows, cin, levels, buffers);
-    // Heads are linear per voxel: they run before the points take their voxel's row.
-    let outputs = pass.heads(&features, levels.sites.len(), buffers);
-    let by_point = gather(&outputs, levels, buffers);
-    add_residuals(set, &seen, &by_point, pass.num_outputs());
-    [features, outputs, by_point].into_iter().for_each(|buffer| buffers.give(buffer));
+    let by_site = pass.site_features(&rows.inputs, cin, levels, buffers);
+    let mut features = gather(&by_site, levels, buffers);
+    with_own(&mut features, &rows.own, seen.len());
+    let outputs = pass.heads(&features, seen.len(), buffers);
+    add_residuals(set, &seen, &outputs, pass.num_outputs());
+    [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
-fn silence(gradient: &mut RawGradient) -> usize {
+pub fn silence(gradient: &mut RawGradient) -> usize {
     let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
     let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
     spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()

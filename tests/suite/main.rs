@@ -7,6 +7,7 @@ mod network;
 mod readme;
 mod render;
 mod structure;
+mod train;
 
 use std::process::ExitCode;
 
@@ -18,6 +19,7 @@ fn main() -> ExitCode {
     cases.extend(golden::cases());
     cases.extend(render::cases());
     cases.extend(network::cases());
+    cases.extend(train::cases());
     cases.extend(structure::cases());
     cases.extend(importers::cases());
     cases.extend(cli::cases());

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lgs_engine::error::EngineError;
 use lgs_formats::error::FormatError;
 
 /// What went wrong.
@@ -10,6 +11,27 @@ pub enum TrainError {
     /// A file could not be read or written, or says something wrong.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// The engine found something wrong.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// A tensor operation failed.
+    #[error("tensor operation failed: {0}")]
+    Tensor(#[from] candle_core::Error),
+    /// A checkpoint is at fault.
+    #[error("{}: {field}: expected {expected}, found {found}", file.display())]
+    Checkpoint {
+        /// The file.
+        file: PathBuf,
+        /// Tensor or metadata.
+        field: String,
+        /// What would have been right.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// A picture of curves could not be drawn.
+    #[error("plot: {0}")]
+    Plot(String),
     /// A value of a configuration is out of its range.
     #[error("{field}: expected {expected}, found {found}")]
     Config {

@@ -1,4 +1,5 @@
-//! Training: scenes that we can make and measure.
+//! Training: scenes that we can make and measure, and the stages that train the network on them.
 
 pub mod error;
 pub mod scenes;
+pub mod stages;

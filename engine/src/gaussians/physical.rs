@@ -1,5 +1,7 @@
 //! Raw parameters to physical values, and the chain rule back.
 
+use rayon::prelude::*;
+
 use super::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
@@ -66,7 +68,7 @@ impl SplatGradient {
 /// `scale = clamp(exp(s), 1e-4, 1)` in the `LiDAR` branch, without the upper clamp in the background; `opacity = sigmoid(a)`,
 /// `colour = sigmoid(c)`. The quaternion is passed on; the renderer normalises it.
 pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
-    (0..set.len()).map(|i| splat_of(set, i)).collect()
+    (0..set.len()).into_par_iter().with_min_len(4096).map(|i| splat_of(set, i)).collect()
 }
 
 fn splat_of(set: &GaussianSet, i: usize) -> Splat {
@@ -90,7 +92,8 @@ fn splat_of(set: &GaussianSet, i: usize) -> Splat {
 /// # Gradient
 /// `d scale / d s = scale` inside the clamp and 0 outside; `d sigmoid(x) / dx = y (1 - y)`.
 pub fn to_raw_gradient(set: &GaussianSet, physical: &[SplatGradient]) -> (Vec<[f32; NUM_ATTRIBUTES]>, Vec<[f32; 3]>) {
-    let attributes = physical.iter().enumerate().map(|(i, g)| raw_gradient_of(set, i, g)).collect();
+    let rows = physical.par_iter().enumerate().with_min_len(4096);
+    let attributes = rows.map(|(i, g)| raw_gradient_of(set, i, g)).collect();
     (attributes, physical.iter().map(|g| g.velocity).collect())
 }
 

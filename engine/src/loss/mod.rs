@@ -6,6 +6,7 @@
 
 mod depth;
 mod l1;
+mod map;
 pub mod op;
 pub mod ssim;
 mod velocity;
@@ -19,6 +20,7 @@ use crate::{
     views::View,
 };
 pub(crate) use depth::depth_errors;
+pub use map::{LossCounts, LossMap, loss_map, patch_change};
 use ssim::ImagePair;
 pub use velocity::velocity_loss;
 

@@ -2,19 +2,25 @@
 
 use std::sync::Arc;
 
-use candle_core::{DType, Result, Tensor};
-use candle_nn::{Init, ModuleT, VarBuilder};
+use candle_core::{DType, Result, Tensor, Var};
+use candle_nn::{Init, VarBuilder};
 
+use crate::ops::norm::{BatchStatistics, batch_norm};
 use crate::ops::sparse_conv::{Epilogue, KernelMap, PackedWeights, convolve, convolve_into};
 
 /// Added to the variance (`PyTorch`'s default).
 const NORM_EPS: f64 = 1e-5;
+/// Share of a batch in the running statistics: a batch is one scene, and scenes differ.
+const MOMENTUM: f64 = 0.05;
 
 /// A sparse convolution without bias, then batch normalisation.
 #[derive(Clone, Debug)]
 pub struct ConvNorm {
     weight: Tensor,
-    norm: candle_nn::BatchNorm,
+    gamma: Tensor,
+    beta: Tensor,
+    /// Mean and variance; where the builder hands out variables, those.
+    running: [Var; 2],
     kernel: usize,
     cin: usize,
     cout: usize,
@@ -40,8 +46,18 @@ impl ConvNorm {
             "weight",
             Init::Randn { mean: 0.0, stdev },
         )?;
-        let config = candle_nn::BatchNormConfig { eps: NORM_EPS, ..Default::default() };
-        Ok(Self { weight, norm: candle_nn::batch_norm(cout, config, vb.pp("norm"))?, kernel, cin, cout })
+        let norm = vb.pp("norm");
+        let running_mean = norm.get_with_hints(cout, "running_mean", Init::Const(0.0))?;
+        let running_var = norm.get_with_hints(cout, "running_var", Init::Const(1.0))?;
+        Ok(Self {
+            weight,
+            gamma: norm.get_with_hints(cout, "weight", Init::Const(1.0))?,
+            beta: norm.get_with_hints(cout, "bias", Init::Const(0.0))?,
+            running: [Var::from_tensor(&running_mean)?, Var::from_tensor(&running_var)?],
+            kernel,
+            cin,
+            cout,
+        })
     }
 
     /// The normalised convolution, differentiable.
@@ -50,12 +66,35 @@ impl ConvNorm {
     /// `[map.num_inputs, cin]` to `[map.num_outputs, cout]`.
     ///
     /// # Gradient
-    /// By the features and by all parameters. With `train` the statistics are those of the rows at hand.
+    /// By the features and by all parameters. With `train` the statistics are those of the rows at hand, which also enter the
+    /// running ones; without, the running ones, as constants.
     ///
     /// # Errors
     /// When the shape does not fit.
     pub fn forward(&self, features: &Tensor, map: &Arc<KernelMap>, train: bool) -> Result<Tensor> {
-        self.norm.forward_t(&convolve(features, &self.weight, map)?, train)
+        let convolved = convolve(features, &self.weight, map)?;
+        if train && map.num_outputs() > 1 {
+            let (normalised, statistics) = batch_norm(&convolved, &self.gamma, &self.beta, NORM_EPS)?;
+            self.follow(&statistics)?;
+            return Ok(normalised);
+        }
+        let [mean, variance] = self.running.each_ref().map(|v| v.as_tensor().detach());
+        let factor = (&self.gamma * (variance + NORM_EPS)?.sqrt()?.recip()?)?;
+        let shift = (&self.beta - (mean * &factor)?)?;
+        convolved.broadcast_mul(&factor)?.broadcast_add(&shift)
+    }
+
+    /// Moves the running statistics towards those of a batch (the variance without bias, as `PyTorch` keeps it).
+    fn follow(&self, batch: &BatchStatistics) -> Result<()> {
+        let unbiased = batch.count as f64 / (batch.count as f64 - 1.0);
+        let targets = [batch.mean.clone(), batch.variance.iter().map(|v| v * unbiased).collect()];
+        for (running, target) in self.running.iter().zip(targets) {
+            let old = running.to_vec1::<f32>()?;
+            let new: Vec<f32> =
+                old.iter().zip(target).map(|(&o, t)| single(f64::from(o) + MOMENTUM * (t - f64::from(o)))).collect();
+            running.set(&Tensor::from_vec(new, self.cout, running.device())?)?;
+        }
+        Ok(())
     }
 
     /// The form that inference runs.
@@ -68,11 +107,8 @@ impl ConvNorm {
     pub fn fold(&self) -> Result<FoldedConv> {
         let values = |t: &Tensor| t.to_dtype(DType::F32)?.flatten_all()?.to_vec1::<f32>();
         let weight = values(&self.weight)?;
-        let (mean, variance) = (values(self.norm.running_mean())?, values(self.norm.running_var())?);
-        let (gamma, beta) = match self.norm.weight_and_bias() {
-            Some((gamma, beta)) => (values(gamma)?, values(beta)?),
-            None => (vec![1.0; self.cout], vec![0.0; self.cout]),
-        };
+        let (mean, variance) = (values(&self.running[0])?, values(&self.running[1])?);
+        let (gamma, beta) = (values(&self.gamma)?, values(&self.beta)?);
         let factor: Vec<f64> =
             gamma.iter().zip(&variance).map(|(&g, &v)| f64::from(g) / (f64::from(v) + NORM_EPS).sqrt()).collect();
         let per_output = self.kernel.pow(3) * self.cin;

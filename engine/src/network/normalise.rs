@@ -30,55 +30,79 @@ const ATTRIBUTE_SCALE: [(f32, f32); NUM_ATTRIBUTES] = {
 };
 /// Metres a second that become 1.
 const VELOCITY_SCALE: f32 = 10.0;
-/// What an output of 1 changes an attribute by: 0.1 m, 0.1 of a quaternion, 0.5 of a logarithm, 1 of a logit.
+/// What an output of 1 changes an attribute by: the Gaussian's own size, 0.1 of a quaternion, 0.5 of a logarithm or logit.
 const RESIDUAL_SCALE: [f32; NUM_ATTRIBUTES] = {
-    let mut scale = [1.0; NUM_ATTRIBUTES];
+    let mut scale = [0.5; NUM_ATTRIBUTES];
     let mut k = 0;
     while k < QUAT.end {
-        scale[k] = 0.1;
-        k += 1;
-    }
-    while k < LOG_SCALE.end {
-        scale[k] = 0.5;
+        scale[k] = if k < MEAN.end { 1.0 } else { 0.1 };
         k += 1;
     }
     scale
 };
+/// What an output of 1 changes a velocity by, metres a second.
+const VELOCITY_RESIDUAL: f32 = 3.0;
+/// Bounds of the size in which positions are measured, metres.
+const SIZES: [f32; 2] = [1e-3, 10.0];
 
 /// Rows `[n, INITIAL_INPUTS]` of `chosen` Gaussians.
 pub fn initial_rows(set: &GaussianSet, chosen: &[usize]) -> Vec<f32> {
     rows(chosen, INITIAL_INPUTS, |i, row| state(set, i, row))
 }
 
-/// Rows of a refinement step of `chosen` Gaussians, `[n, REFINE_INPUTS]` or, without velocities, `[n, BACKGROUND_REFINE_INPUTS]`.
+/// Inputs of a refinement step.
+#[derive(Clone, Debug)]
+pub struct RefineRows {
+    /// `[n, REFINE_INPUTS]`, or `[n, BACKGROUND_REFINE_INPUTS]` without velocities: what the U-Net is given, averaged by voxel.
+    pub inputs: Vec<f32>,
+    /// `[n, gradients]` the trailing columns of `inputs`: what every point adds to its voxel's features.
+    pub own: Vec<f32>,
+}
+
+/// Inputs of a refinement step of `chosen` Gaussians.
 ///
 /// # Formula
-/// A gradient enters as `asinh(g / rms)`, the root mean square taken per dimension over the rows: it does not change when the loss is
-/// multiplied by a constant, and one outlier moves the others by no more than the root of its share.
-pub fn refine_rows(set: &GaussianSet, gradient: &RawGradient, chosen: &[usize], with_velocities: bool) -> Vec<f32> {
-    let by_attributes = inverse_rms(chosen.iter().map(|&i| &gradient.attributes[i]));
-    let by_velocities = inverse_rms(chosen.iter().map(|&i| &gradient.velocities[i]));
+/// A gradient enters as `asinh(g / mean |g|)`, the mean taken per dimension over the rows: it does not change when the loss is
+/// multiplied by a constant, and outliers, which reach hundreds of times the root mean square, do not make the others vanish. Positions are
+/// measured in the Gaussian's own size, so that near and far ones are alike.
+pub fn refine_rows(set: &GaussianSet, gradient: &RawGradient, chosen: &[usize], with_velocities: bool) -> RefineRows {
+    let of = |i: usize| {
+        let size = size(&set.attributes[i]);
+        let mut row = [0.0; NUM_ATTRIBUTES + 3];
+        row[..NUM_ATTRIBUTES].copy_from_slice(&gradient.attributes[i]);
+        row[MEAN].iter_mut().for_each(|g| *g *= size);
+        row[NUM_ATTRIBUTES..].copy_from_slice(&gradient.velocities[i]);
+        row
+    };
+    let num_own = if with_velocities { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES };
+    let inverse = inverse_mean(chosen.iter().map(|&i| of(i)));
+    let own = rows(chosen, num_own, |i, row| {
+        row.iter_mut().zip(of(i).iter().zip(inverse)).for_each(|(slot, (&g, inverse))| *slot = scaled(g, inverse));
+    });
     let width = if with_velocities { REFINE_INPUTS } else { BACKGROUND_REFINE_INPUTS };
-    rows(chosen, width, |i, row| {
+    let mut inputs = rows(chosen, width, |i, row| {
         state(set, i, row);
-        let mut at = INITIAL_INPUTS;
         if with_velocities {
-            for (slot, v) in row[at..at + 3].iter_mut().zip(set.velocities[i]) {
-                *slot = v / VELOCITY_SCALE;
-            }
-            at += 3;
+            let slots = row[INITIAL_INPUTS..].iter_mut();
+            slots.zip(set.velocities[i]).take(3).for_each(|(slot, v)| *slot = v / VELOCITY_SCALE);
         }
-        for (slot, (g, inverse)) in row[at..].iter_mut().zip(gradient.attributes[i].iter().zip(by_attributes)) {
-            *slot = scaled(*g, inverse);
-        }
-        if with_velocities {
-            for (slot, (g, inverse)) in
-                row[at + NUM_ATTRIBUTES..].iter_mut().zip(gradient.velocities[i].iter().zip(by_velocities))
-            {
-                *slot = scaled(*g, inverse);
-            }
-        }
-    })
+    });
+    for (row, own) in inputs.chunks_exact_mut(width).zip(own.chunks_exact(num_own)) {
+        row[width - num_own..].copy_from_slice(own);
+    }
+    RefineRows { inputs, own }
+}
+
+/// What an output of 1 changes an attribute of this Gaussian by.
+fn residual_scale(row: &[f32; NUM_ATTRIBUTES]) -> [f32; NUM_ATTRIBUTES] {
+    let (mut scale, size) = (RESIDUAL_SCALE, size(row));
+    scale[MEAN].iter_mut().for_each(|s| *s *= size);
+    scale
+}
+
+/// Geometric mean of the three scales, metres.
+fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
+    (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
 }
 
 /// Adds head outputs to `chosen` Gaussians.
@@ -87,13 +111,33 @@ pub fn refine_rows(set: &GaussianSet, gradient: &RawGradient, chosen: &[usize], 
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
 pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) {
     for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
-        for (value, (o, scale)) in set.attributes[i].iter_mut().zip(output.iter().zip(RESIDUAL_SCALE)) {
+        let scales = residual_scale(&set.attributes[i]);
+        for (value, (o, scale)) in set.attributes[i].iter_mut().zip(output.iter().zip(scales)) {
             *value += o * scale;
         }
         for (value, o) in set.velocities[i].iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
-            *value += o * VELOCITY_SCALE;
+            *value += o * VELOCITY_RESIDUAL;
         }
     }
+}
+
+/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
+///
+/// # Shapes
+/// `gradient` of the whole set; result `[n, width]`.
+///
+/// # Gradient
+/// Exact; the sizes before the update are constants.
+pub fn residual_gradients(set: &GaussianSet, chosen: &[usize], gradient: &RawGradient, width: usize) -> Vec<f32> {
+    rows(chosen, width, |i, row| {
+        let scales = residual_scale(&set.attributes[i]);
+        for (slot, (g, scale)) in row.iter_mut().zip(gradient.attributes[i].iter().zip(scales)) {
+            *slot = g * scale;
+        }
+        for (slot, g) in row[NUM_ATTRIBUTES..].iter_mut().zip(gradient.velocities[i]) {
+            *slot = g * VELOCITY_RESIDUAL;
+        }
+    })
 }
 
 /// As [`add_residuals`] for all Gaussians of a branch that moves, differentiable: attributes and velocities after the update.
@@ -102,14 +146,16 @@ pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], w
 /// `attributes` `[N, 14]`, `velocities` `[N, 3]`, `outputs` `[N, 17]`.
 ///
 /// # Gradient
-/// By all three.
+/// By all three; the sizes before the update are constants.
 ///
 /// # Errors
 /// When a shape does not fit.
 pub fn with_residuals(attributes: &Tensor, velocities: &Tensor, outputs: &Tensor) -> candle_core::Result<[Tensor; 2]> {
-    let scale = Tensor::new(&RESIDUAL_SCALE, outputs.device())?;
-    let by_attribute = outputs.narrow(1, 0, NUM_ATTRIBUTES)?.broadcast_mul(&scale)?;
-    let by_velocity = (outputs.narrow(1, NUM_ATTRIBUTES, 3)? * f64::from(VELOCITY_SCALE))?;
+    let values = attributes.flatten_all()?.to_vec1::<f32>()?;
+    let scales: Vec<f32> = values.as_chunks::<NUM_ATTRIBUTES>().0.iter().flat_map(residual_scale).collect();
+    let scales = Tensor::from_vec(scales, attributes.shape(), outputs.device())?;
+    let by_attribute = (outputs.narrow(1, 0, NUM_ATTRIBUTES)? * scales)?;
+    let by_velocity = (outputs.narrow(1, NUM_ATTRIBUTES, 3)? * f64::from(VELOCITY_RESIDUAL))?;
     Ok([(attributes + by_attribute)?, (velocities + by_velocity)?])
 }
 
@@ -126,17 +172,17 @@ fn state(set: &GaussianSet, i: usize, row: &mut [f32]) {
     row[NUM_ATTRIBUTES] = set.times[i];
 }
 
-fn scaled(gradient: f32, inverse_rms: f64) -> f32 {
-    single((f64::from(gradient) * inverse_rms).asinh())
+fn scaled(gradient: f32, inverse: f64) -> f32 {
+    single((f64::from(gradient) * inverse).asinh())
 }
 
-/// One over the root mean square of every column; 0 where a column is zero.
-fn inverse_rms<'a, const D: usize>(rows: impl ExactSizeIterator<Item = &'a [f32; D]>) -> [f64; D] {
+/// One over the mean magnitude of every column; 0 where a column is zero.
+fn inverse_mean<const D: usize>(rows: impl ExactSizeIterator<Item = [f32; D]>) -> [f64; D] {
     let (mut sums, count) = ([0.0_f64; D], rows.len() as f64);
     for row in rows {
-        sums.iter_mut().zip(row).for_each(|(s, &v)| *s += f64::from(v) * f64::from(v));
+        sums.iter_mut().zip(row).for_each(|(s, v)| *s += f64::from(v).abs());
     }
-    sums.map(|s| if s > 0.0 { (count / s).sqrt() } else { 0.0 })
+    sums.map(|s| if s > 0.0 { count / s } else { 0.0 })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "network inputs are f32")]

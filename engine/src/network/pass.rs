@@ -64,6 +64,26 @@ impl Pass {
         features.index_select(&site_of, 0)
     }
 
+    /// As [`Pass::features`], each point's own gradients with them as [`with_own`] says, differentiable.
+    ///
+    /// # Shapes
+    /// `own` `[N, gradients]`; result `[N, width]`.
+    ///
+    /// # Gradient
+    /// By the voxel rows and all parameters; `own` is constant.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn features_with_own(&self, voxel_rows: &Tensor, own: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
+        let features = self.features(voxel_rows, levels, train)?;
+        let width = features.dim(1)?;
+        let used = own.dim(1)?.min(width / 2);
+        let own = own.narrow(1, 0, used)?;
+        let added = (features.narrow(1, 0, used)? + &own)?;
+        let gated = (features.narrow(1, used, used)? * &own)?;
+        Tensor::cat(&[added, gated, features.narrow(1, 2 * used, width - 2 * used)?], 1)
+    }
+
     /// Head outputs, differentiable: `[N, 17]`, or `[N, 14]` for what does not move.
     ///
     /// # Errors
@@ -120,6 +140,31 @@ impl FoldedPass {
     pub fn num_outputs(&self) -> usize {
         self.width
     }
+}
+
+/// Changes the features of points by their own gradients: what a voxel's points share says where its points are to go, their
+/// gradients say how they differ, and the voxel's features decide how far each follows its own.
+///
+/// # Shapes
+/// `features` `[N, width]`, `own` `[N, gradients]`.
+///
+/// # Formula
+/// `f_k <- f_k + own_k`, `f_{G+k} <- f_{G+k} own_k` for k below `G = min(gradients, width / 2)`.
+pub fn with_own(features: &mut [f32], own: &[f32], num_points: usize) {
+    use rayon::prelude::*;
+    let (width, gradients) = (features.len() / num_points.max(1), own.len() / num_points.max(1));
+    let used = gradients.min(width / 2);
+    if used == 0 {
+        return;
+    }
+    let rows = features.par_chunks_exact_mut(width).zip(own.par_chunks_exact(gradients));
+    rows.with_min_len(1024).for_each(|(row, own)| {
+        let (added, gated) = row.split_at_mut(used);
+        for ((added, gated), own) in added.iter_mut().zip(gated).zip(own) {
+            *added += own;
+            *gated *= own;
+        }
+    });
 }
 
 /// The rows of each point's site.

@@ -35,6 +35,11 @@ impl<'a> Inputs<'a> {
         &self.views
     }
 
+    /// The input views, given back.
+    pub fn into_views(self) -> Vec<View> {
+        self.views
+    }
+
     /// The sweeps of the input frames as one cloud.
     ///
     /// # Errors

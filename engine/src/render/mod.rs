@@ -5,14 +5,20 @@
 //! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
+//! Interventions: `branch` (sets that differ in some Gaussians share their projections), `patch` (what one Gaussian changes, by its
+//! tiles alone), `blended` (maps summed under every Gaussian's blending weights).
+//!
 //! # Source
 //! Zwicker et al., EWA splatting, 2001; Kerbl et al., 3D Gaussian splatting, 2023; conventions of gsplat (see `constants`).
 
 pub mod constants;
 
 mod backward;
+mod blended;
+mod branch;
 mod forward;
 mod lanes;
+mod patch;
 mod project;
 mod project_backward;
 mod tiles;
@@ -21,6 +27,12 @@ pub mod op;
 
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
+pub use blended::blended_sums;
+pub use branch::Projection;
+use constants::TILE_PIXELS;
+use forward::{PLANES, STOP};
+pub(crate) use patch::crop;
+pub use patch::{Patch, Redraw};
 use tiles::TileLists;
 
 pub mod reference;
@@ -85,6 +97,12 @@ impl RenderedWithState {
         self.lists.footprints.iter().map(|footprint| footprint.index as usize)
     }
 
+    /// List position that ended each pixel of a tile.
+    fn stops_of(&self, tile: usize) -> &[f32] {
+        let planes = PLANES * TILE_PIXELS;
+        &self.tiles[tile * planes + STOP * TILE_PIXELS..(tile + 1) * planes]
+    }
+
     /// Number of pairs of a Gaussian and a tile that it can reach.
     pub fn num_intersections(&self) -> usize {
         self.lists.entries.len()
@@ -105,10 +123,7 @@ pub fn render(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> Ren
 
 /// As [`render`], with the state that [`backward`] needs.
 pub fn render_for_gradient(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
-    let lists = tiles::bin(splats, view);
-    let tiles = forward::composite(&lists);
-    let images = forward::assemble(&tiles, lists.grid, [view.width, view.height], background);
-    RenderedWithState { images, lists, tiles, background }
+    Projection::new(splats, view).render(view, background)
 }
 
 /// Gradients of a scalar by the physical values of all Gaussians, from its gradients by the images.

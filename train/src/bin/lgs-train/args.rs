@@ -12,7 +12,9 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-/// Makes scenes to train and measure on.
+use crate::backbone_args::BackboneArgs;
+
+/// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "lgs-train", version, about)]
 pub(crate) struct Cli {
@@ -26,6 +28,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Makes procedural street clips (lgs-clip/1 directories)
     Scenes(ScenesArgs),
+    /// Trains prediction, query and refinement by the rendering loss (stage 1)
+    Backbone(Box<BackboneArgs>),
 }
 
 const CAMERAS_HELP: &str =
@@ -220,8 +224,10 @@ mod tests {
     use super::*;
 
     fn parse(line: &str) -> ScenesArgs {
-        let Command::Scenes(args) = Cli::try_parse_from(line.split(' ')).unwrap().command;
-        args
+        match Cli::try_parse_from(line.split(' ')).unwrap().command {
+            Command::Scenes(args) => args,
+            Command::Backbone(args) => panic!("expected scenes, found {args:?}"),
+        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! `lgs-train`: makes scenes to train and measure on.
 
 mod args;
+mod backbone;
+mod backbone_args;
 mod run;
 
 use std::process::ExitCode;

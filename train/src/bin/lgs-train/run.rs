@@ -13,6 +13,7 @@ use crate::args::{Cli, Command, ScenesArgs};
 pub(crate) fn run(cli: &Cli) -> Result<String> {
     match &cli.command {
         Command::Scenes(args) => scenes(args),
+        Command::Backbone(args) => crate::backbone::backbone(args),
     }
 }
 

@@ -1,0 +1,186 @@
+//! Stage 1: prediction, query and refinement by the rendering loss.
+//!
+//! The scene is rendered after the prediction and after every refinement step. What these renderings say is used twice: the gradient of the
+//! input views is the next step's input, and the gradient of input and target views together is the loss gradient of the pass that
+//! has just run. Inputs of a refinement step are constants, so every pass is supervised on its own and its memory is freed.
+
+use lgs_engine::{
+    densify::{self, Action},
+    gaussians::{GaussianSet, RawGradient},
+    loss::LossWeights,
+    network::normalise::{add_residuals, residual_gradients},
+    objective::{Objective, Terms, objective},
+    refine::silence,
+    views::View,
+};
+
+use super::{
+    passes::{BRANCHES, Outcome, Passes},
+    sample::Sample,
+    settings::Settings,
+    variables::{Values, Variables},
+};
+use crate::{error::Result, scenes::dice::Dice};
+
+/// Largest shares of primitives that a perturbation prunes and copies.
+const PERTURBED: [f64; 2] = [0.1, 0.25];
+
+/// Losses of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Losses {
+    /// Over the input views.
+    pub inputs: f64,
+    /// Over the target views; that of the input views where there is none.
+    pub targets: f64,
+    /// Terms of the loss over the target views.
+    pub terms: Terms,
+}
+
+/// What a step computed.
+#[derive(Clone, Debug)]
+pub struct Computed {
+    /// After the prediction and after every refinement step.
+    pub losses: Vec<Losses>,
+    /// By all tensors.
+    pub gradients: Values,
+    /// Gaussians of the `LiDAR` branch and of the background.
+    pub gaussians: [usize; 2],
+}
+
+/// Losses and gradients of one sample.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) -> Result<Computed> {
+    let model = variables.model()?;
+    let batch_statistics = settings.calibrates(sample.step);
+    let passes = Passes { model: &model, config: variables.config(), batch_statistics };
+    let mut gradients = variables.zeros();
+    let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
+    let look = |set: &GaussianSet| Looked::at(set, &inputs, &targets, settings.target_share);
+
+    let start = &sample.scene;
+    let outcomes = outcomes(|branch| passes.initial(start, branch))?;
+    let updated = updated(start, &outcomes)?;
+    let perturbed = perturb(&updated, settings, &mut sample.dice)?;
+    let mut looked = look(&perturbed.set);
+    let mut losses = vec![looked.losses];
+    carry_back(variables, start, &outcomes, &perturbed.pulled_back(&looked.gradient, start.len()), &mut gradients)?;
+
+    let mut set = perturbed.set;
+    for _ in 0..settings.refine_steps {
+        silence(&mut looked.inputs.gradient);
+        let before = &looked.inputs;
+        let outcomes = self::outcomes(|branch| passes.refine(&set, &before.gradient, &before.seen, branch))?;
+        let next = self::updated(&set, &outcomes)?;
+        looked = look(&next);
+        losses.push(looked.losses);
+        carry_back(variables, &set, &outcomes, &looked.gradient, &mut gradients)?;
+        set = next;
+    }
+    Ok(Computed { losses, gradients, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
+}
+
+fn outcomes(run: impl Fn(super::passes::Branch) -> Result<Option<Outcome>>) -> Result<Vec<Outcome>> {
+    let both: Result<Vec<Option<Outcome>>> = BRANCHES.into_iter().map(run).collect();
+    Ok(both?.into_iter().flatten().collect())
+}
+
+fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
+    let mut updated = set.clone();
+    for outcome in outcomes {
+        add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?);
+    }
+    Ok(updated)
+}
+
+/// Adds the gradients by the parameters of the passes that made `outcomes`.
+fn carry_back(
+    variables: &Variables,
+    before: &GaussianSet,
+    outcomes: &[Outcome],
+    gradient: &RawGradient,
+    sums: &mut Values,
+) -> Result<()> {
+    for outcome in outcomes {
+        let v_outputs = residual_gradients(before, &outcome.chosen, gradient, outcome.width()?);
+        variables.add_gradients(&outcome.carry(v_outputs)?.backward()?, sums)?;
+    }
+    Ok(())
+}
+
+/// A scene as the views see it.
+struct Looked {
+    losses: Losses,
+    /// Of the input views.
+    inputs: Objective,
+    /// Of the loss that is trained.
+    gradient: RawGradient,
+}
+
+impl Looked {
+    fn at(set: &GaussianSet, inputs: &[&View], targets: &[&View], target_share: f64) -> Self {
+        let weights = LossWeights::default();
+        let by_inputs = objective(set, inputs, &weights);
+        if targets.is_empty() {
+            let losses = Losses { inputs: by_inputs.loss, targets: by_inputs.loss, terms: by_inputs.terms };
+            return Self { losses, gradient: by_inputs.gradient.clone(), inputs: by_inputs };
+        }
+        let by_targets = objective(set, targets, &weights);
+        let losses = Losses { inputs: by_inputs.loss, targets: by_targets.loss, terms: by_targets.terms };
+        let share = crate::scenes::maths::narrow(target_share);
+        let gradient = mixed(&by_inputs.gradient, &by_targets.gradient, share);
+        Self { losses, inputs: by_inputs, gradient }
+    }
+}
+
+/// `(1 - share) a + share b`.
+fn mixed(a: &RawGradient, b: &RawGradient, share: f32) -> RawGradient {
+    fn mix<const D: usize>(a: &[[f32; D]], b: &[[f32; D]], share: f32) -> Vec<[f32; D]> {
+        let rows = a.iter().zip(b);
+        rows.map(|(a, b)| std::array::from_fn(|k| (1.0 - share) * a[k] + share * b[k])).collect()
+    }
+    RawGradient {
+        attributes: mix(&a.attributes, &b.attributes, share),
+        velocities: mix(&a.velocities, &b.velocities, share),
+    }
+}
+
+/// A set after a random update, and where its primitives come from.
+struct Perturbed {
+    set: GaussianSet,
+    /// `[N]` index in the set before; `None` when nothing was changed.
+    sources: Option<Vec<usize>>,
+}
+
+impl Perturbed {
+    /// The gradient by the primitives before the update: a copy's is added to that of its source.
+    fn pulled_back(&self, gradient: &RawGradient, num_before: usize) -> RawGradient {
+        let Some(sources) = &self.sources else { return gradient.clone() };
+        let mut sums =
+            RawGradient { attributes: vec![[0.0; 14]; num_before], velocities: vec![[0.0; 3]; num_before] };
+        for (at, &source) in sources.iter().enumerate() {
+            sums.attributes[source].iter_mut().zip(gradient.attributes[at]).for_each(|(s, g)| *s += g);
+            sums.velocities[source].iter_mut().zip(gradient.velocities[at]).for_each(|(s, g)| *s += g);
+        }
+        sums
+    }
+}
+
+/// Prunes and copies at random in a share of the steps, so that the refinement knows sets that a policy has changed.
+fn perturb(set: &GaussianSet, settings: &Settings, dice: &mut Dice) -> Result<Perturbed> {
+    if !dice.chance(settings.perturbed) || set.num_lidar == 0 {
+        return Ok(Perturbed { set: set.clone(), sources: None });
+    }
+    let [prune, copy] = PERTURBED.map(|most| dice.uniform(0.0, most));
+    let action = |dice: &mut Dice| match dice.unit() {
+        u if u < prune => Action::Prune,
+        u if u < prune + copy => Action::Copy,
+        _ => Action::Keep,
+    };
+    let actions: Vec<Action> = (0..set.num_lidar).map(|_| action(dice)).collect();
+    let of = |wanted: fn(Action) -> bool| (0..actions.len()).filter(|&i| wanted(actions[i])).collect::<Vec<usize>>();
+    let sources = [of(|a| a != Action::Prune), of(|a| a == Action::Copy), (set.num_lidar..set.len()).collect()];
+    let seed = u64::from(dice.bits());
+    Ok(Perturbed { set: densify::apply(set, &actions, seed)?, sources: Some(sources.concat()) })
+}

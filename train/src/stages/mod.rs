@@ -1,0 +1,22 @@
+//! The stages of training: which clips are read, what a step is computed from, the optimiser, what is kept and recorded.
+
+pub mod clips;
+
+pub mod augment;
+pub mod sample;
+
+pub mod settings;
+pub mod variables;
+
+pub mod adamw;
+pub mod schedule;
+
+pub mod backbone;
+mod passes;
+
+pub mod checkpoint;
+pub mod record;
+pub mod plot;
+pub mod validate;
+
+pub mod train;
