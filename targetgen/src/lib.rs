@@ -22,10 +22,10 @@ pub mod scene;
 
 pub mod generate;
 
-//JOB
+pub mod job;
 
-//PIC
+pub mod picture;
 
-//REP
+pub mod report;
 
 //FID

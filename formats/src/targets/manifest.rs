@@ -149,6 +149,15 @@ impl Manifest {
 }
 
 impl ShardRecord {
+    /// The record of a file that was written just now.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn of(folder: &Path, file: String, clips: Vec<ClipRecord>) -> Result<Self> {
+        let path = folder.join(&file);
+        Ok(Self { bytes: file_size(&path, MAX_DATA_BYTES)?, sha256: sha256_of(&path)?, file, clips })
+    }
+
     /// Nothing: the file has the size and the SHA-256 that the record says.
     ///
     /// # Errors
@@ -159,15 +168,18 @@ impl ShardRecord {
         if bytes != self.bytes {
             return Err(FormatError::invalid(&path, "size", format!("{} bytes", self.bytes), bytes.to_string()));
         }
-        let mut file = File::open(&path).map_err(|e| FormatError::io(&path, "read", e))?;
-        let (mut digest, mut block) = (Sha256::new(), vec![0; BLOCK]);
-        loop {
-            match file.read(&mut block).map_err(|e| FormatError::io(&path, "read", e))? {
-                0 => break,
-                len => digest.update(&block[..len]),
-            }
-        }
-        let found = hexadecimal(&digest.finalize());
+        let found = sha256_of(&path)?;
         if found == self.sha256 { Ok(()) } else { Err(FormatError::invalid(&path, "SHA-256", &self.sha256, found)) }
+    }
+}
+
+fn sha256_of(path: &Path) -> Result<String> {
+    let mut file = File::open(path).map_err(|e| FormatError::io(path, "read", e))?;
+    let (mut digest, mut block) = (Sha256::new(), vec![0; BLOCK]);
+    loop {
+        match file.read(&mut block).map_err(|e| FormatError::io(path, "read", e))? {
+            0 => return Ok(hexadecimal(&digest.finalize())),
+            len => digest.update(&block[..len]),
+        }
     }
 }
