@@ -28,4 +28,4 @@ pub mod picture;
 
 pub mod report;
 
-//FID
+pub mod fidelity;

@@ -198,6 +198,14 @@ pub(crate) struct FidelityArgs {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
     pub(crate) after: u32,
 
+    /// Primitives whose actions are tried with --after, 4 to 100000 [default: as --sample]
+    #[arg(long, value_name = "M", value_parser = RangedU64ValueParser::<u32>::new().range(4..=100_000))]
+    pub(crate) sample_after: Option<u32>,
+
+    /// Least distance of two actions that are tried with --after in one optimisation, pixels in every view
+    #[arg(long, value_name = "PX", default_value_t = 64.0, value_parser = positive)]
+    pub(crate) separation: f64,
+
     /// Optimise the scene for so many steps first, 0 to 10000
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = RangedU64ValueParser::<u32>::new().range(0..=10_000))]
     pub(crate) warm_up: u32,

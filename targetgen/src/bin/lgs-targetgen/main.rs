@@ -1,6 +1,7 @@
 //! `lgs-targetgen`: clips in, shards of training targets out.
 
 mod args;
+mod fidelity;
 mod progress;
 mod run;
 

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<Finished> {
             manifest.verify(&verify.folder)?;
             Ok(done(format!("{} shards are as {MANIFEST_FILE} says\n", manifest.shards.len())))
         }
-        Some(Command::Fidelity(_)) => anyhow::bail!("fidelity"),
+        Some(Command::Fidelity(args)) => Ok(done(crate::fidelity::fidelity(args)?)),
     }
 }
 
