@@ -1,4 +1,4 @@
-//! Bytes to validated host structs and back: clips, sweeps, images, splat clouds. No tensors, no threads.
+//! Bytes to validated host structs and back: clips, sweeps, images, splat clouds, targets. No tensors, no threads.
 
 pub mod error;
 pub mod pose;
@@ -13,4 +13,5 @@ pub mod importers;
 pub mod ply;
 mod read;
 pub mod sweep;
+pub mod targets;
 pub mod write;

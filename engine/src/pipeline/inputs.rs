@@ -35,7 +35,7 @@ impl<'a> Inputs<'a> {
         &self.views
     }
 
-    /// The input views, given back.
+    /// The input views, for who needs nothing else of the inputs any more.
     pub fn into_views(self) -> Vec<View> {
         self.views
     }
