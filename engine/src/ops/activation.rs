@@ -38,7 +38,7 @@ pub fn relu(x: &Tensor) -> Result<Tensor> {
 /// [`gelu`] in place.
 #[inline(always)]
 pub(crate) fn gelu_in_place<S: Simd>(simd: S, values: &mut [f32]) {
-    in_place(simd, values, gelu_lanes);
+    in_place::<S, VALUE>(simd, values);
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -63,33 +63,31 @@ fn gelu_slope<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
     simd.mul_add_f32s(x, density, normal_cdf(simd, x))
 }
 
+/// What replaces a value.
+const VALUE: bool = false;
+const SLOPE: bool = true;
+
+/// The function is chosen by a constant: through a closure or a pointer it would be called, value by value, without vector registers.
 #[inline(always)]
-fn in_place<S: Simd>(simd: S, values: &mut [f32], of: impl Fn(S, S::f32s) -> S::f32s) {
+fn in_place<S: Simd, const WHAT: bool>(simd: S, values: &mut [f32]) {
     let (head, tail) = S::as_mut_simd_f32s(values);
     for v in head {
-        *v = of(simd, *v);
+        *v = if WHAT == SLOPE { gelu_slope(simd, *v) } else { gelu_lanes(simd, *v) };
     }
     if !tail.is_empty() {
-        simd.partial_store_f32s(tail, of(simd, simd.partial_load_f32s(tail)));
+        let v = simd.partial_load_f32s(tail);
+        simd.partial_store_f32s(tail, if WHAT == SLOPE { gelu_slope(simd, v) } else { gelu_lanes(simd, v) });
     }
 }
 
-struct InPlace<'a> {
-    values: &'a mut [f32],
-    /// Whether the slope replaces the value.
-    slope: bool,
-}
+struct InPlace<'a, const WHAT: bool>(&'a mut [f32]);
 
-impl WithSimd for InPlace<'_> {
+impl<const WHAT: bool> WithSimd for InPlace<'_, WHAT> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        if self.slope {
-            in_place(simd, self.values, gelu_slope);
-        } else {
-            in_place(simd, self.values, gelu_lanes);
-        }
+        in_place::<S, WHAT>(simd, self.0);
     }
 }
 
@@ -108,7 +106,7 @@ impl CustomOp1 for Activation {
         out.par_chunks_mut(PIECE).zip(x.par_chunks(PIECE)).for_each(|(out, x)| match self {
             Self::Gelu => {
                 out.copy_from_slice(x);
-                arch.dispatch(InPlace { values: out, slope: false });
+                arch.dispatch(InPlace::<VALUE>(out));
             }
             Self::Relu => out.iter_mut().zip(x).for_each(|(out, &x)| *out = if x < 0.0 { 0.0 } else { x }),
         });
@@ -123,7 +121,7 @@ impl CustomOp1 for Activation {
             v_x.par_chunks_mut(PIECE).zip(pieces).for_each(|(v_x, (x, v_out))| match self {
                 Self::Gelu => {
                     v_x.copy_from_slice(x);
-                    arch.dispatch(InPlace { values: v_x, slope: true });
+                    arch.dispatch(InPlace::<SLOPE>(v_x));
                     v_x.iter_mut().zip(v_out).for_each(|(v_x, v)| *v_x *= v);
                 }
                 Self::Relu => {

@@ -61,11 +61,6 @@ impl PackedWeights {
         Self::pack(num_offsets, cin, cout, |o, k, c| weight[(c * num_offsets + o) * cin + k])
     }
 
-    /// The transposed weights, for the gradient by the features.
-    pub(super) fn of_checkpoint_transposed(weight: &[f32], num_offsets: usize, cin: usize, cout: usize) -> Self {
-        Self::pack(num_offsets, cout, cin, |o, k, c| weight[(k * num_offsets + o) * cin + c])
-    }
-
     fn panel(&self, offset: usize, panel: usize) -> &[f32] {
         let size = self.cin * PANEL;
         &self.data[(offset * self.cout.div_ceil(PANEL) + panel) * size..][..size]

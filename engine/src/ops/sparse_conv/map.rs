@@ -22,7 +22,17 @@ pub struct KernelMap {
     pub(super) inputs: Vec<u32>,
     /// Output rows of the pairs, within their block.
     pub(super) outputs: Vec<u16>,
+    pub(super) symmetry: Symmetry,
     reversed: OnceLock<Arc<KernelMap>>,
+}
+
+/// Whether a map is its own reverse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Symmetry {
+    /// The pairs of offset `o` are those of offset `num_offsets - 1 - o` with inputs and outputs exchanged.
+    Mirrored,
+    /// Nothing is known.
+    None,
 }
 
 /// A grid halved: the coarse sites and the maps down to them and back up.
@@ -63,7 +73,9 @@ impl KernelMap {
                 BlockPairs::of_rows(rows, block.len())
             })
             .collect();
-        Ok(Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3)))
+        let mut map = Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3));
+        map.symmetry = Symmetry::Mirrored;
+        Ok(map)
     }
 
     /// The map of a layer that treats every row alone.
@@ -71,8 +83,16 @@ impl KernelMap {
         let inputs = (0..index32(rows)).collect();
         let outputs = (0..rows).map(|i| local(i % BLOCK)).collect();
         let first_pair = (0..=rows.div_ceil(BLOCK)).map(|block| index32((block * BLOCK).min(rows))).collect();
-        let reversed = OnceLock::new();
-        Self { num_inputs: rows, num_outputs: rows, num_offsets: 1, first_pair, inputs, outputs, reversed }
+        Self {
+            num_inputs: rows,
+            num_outputs: rows,
+            num_offsets: 1,
+            first_pair,
+            inputs,
+            outputs,
+            symmetry: Symmetry::Mirrored,
+            reversed: OnceLock::new(),
+        }
     }
 
     /// The maps between sites and those of the grid that is coarser by 2.
@@ -179,7 +199,16 @@ impl KernelMap {
             inputs.extend_from_slice(&block.inputs);
             outputs.extend_from_slice(&block.outputs);
         }
-        Self { num_inputs, num_outputs, num_offsets, first_pair, inputs, outputs, reversed: OnceLock::new() }
+        Self {
+            num_inputs,
+            num_outputs,
+            num_offsets,
+            first_pair,
+            inputs,
+            outputs,
+            symmetry: Symmetry::None,
+            reversed: OnceLock::new(),
+        }
     }
 
     /// Counting sort of the pairs by (block of the input row, offset); within it by input row, as each input row has at most one
@@ -207,6 +236,7 @@ impl KernelMap {
             first_pair,
             inputs,
             outputs,
+            symmetry: Symmetry::None,
             reversed: OnceLock::new(),
         }
     }

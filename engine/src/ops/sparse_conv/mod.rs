@@ -15,5 +15,6 @@ mod weight_gradient;
 
 pub use kernel::{Epilogue, PackedWeights, convolve_into};
 pub use map::{Halving, KernelMap};
-pub use op::convolve;
+pub use op::{by_features, convolve};
 pub use sites::Sites;
+pub use weight_gradient::by_weights;

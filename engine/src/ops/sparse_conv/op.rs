@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use candle_core::{CpuStorage, CustomOp2, DType, Layout, Shape, Storage, Tensor};
+use candle_core::{CpuStorage, CustomOp2, DType, Layout, Shape, Tensor};
 
 use super::kernel::{Epilogue, PackedWeights, convolve_into};
-use super::map::KernelMap;
+use super::map::{KernelMap, Symmetry};
 use super::weight_gradient::by_weights;
+use crate::ops::tensors::{slice, with_values};
 
 /// The sparse convolution of features by a kernel map.
 ///
@@ -41,19 +42,23 @@ struct SparseConvolution {
     cout: usize,
 }
 
-fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> candle_core::Result<&'a [f32]> {
-    match layout.contiguous_offsets() {
-        Some((start, end)) => Ok(&storage.as_slice::<f32>()?[start..end]),
-        None => candle_core::bail!("sparse convolution: expected contiguous tensors"),
-    }
-}
-
-/// What `read` makes of the values of a contiguous f32 tensor on the host.
-fn with_values<T>(tensor: &Tensor, read: impl FnOnce(&[f32]) -> T) -> candle_core::Result<T> {
-    let (storage, layout) = tensor.storage_and_layout();
-    match &*storage {
-        Storage::Cpu(storage) => Ok(read(contiguous(storage, layout)?)),
-        _ => candle_core::bail!("sparse convolution: expected tensors on the host"),
+/// Gradient of a scalar by the features, from its gradient by the output rows.
+///
+/// # Shapes
+/// `v_out` `[map.num_outputs, cout]`, `weight` `[cout, num_offsets, cin]`; result `[map.num_inputs, cin]` in `v_features`.
+pub fn by_features(v_out: &[f32], weight: &[f32], map: &KernelMap, cin: usize, v_features: &mut [f32]) {
+    let num_offsets = map.num_offsets();
+    let cout = weight.len() / (num_offsets * cin).max(1);
+    // A map that is its own reverse but for the order of the offsets serves with the weights in that order.
+    let mirrored = map.symmetry == Symmetry::Mirrored;
+    let packed = PackedWeights::pack(num_offsets, cout, cin, |o, k, c| {
+        let o = if mirrored { num_offsets - 1 - o } else { o };
+        weight[(k * num_offsets + o) * cin + c]
+    });
+    if mirrored {
+        convolve_into(v_out, &packed, map, &Epilogue::default(), v_features);
+    } else {
+        convolve_into(v_out, &packed, &map.reversed(), &Epilogue::default(), v_features);
     }
 }
 
@@ -69,8 +74,8 @@ impl CustomOp2 for SparseConvolution {
         weight: &CpuStorage,
         weight_layout: &Layout,
     ) -> candle_core::Result<(CpuStorage, Shape)> {
-        let features = contiguous(features, features_layout)?;
-        let weight = contiguous(weight, weight_layout)?;
+        let features = slice(features, features_layout)?;
+        let weight = slice(weight, weight_layout)?;
         let packed = PackedWeights::of_checkpoint(weight, self.map.num_offsets(), self.cin, self.cout);
         let mut out = vec![0.0_f32; self.map.num_outputs() * self.cout];
         convolve_into(features, &packed, &self.map, &Epilogue::default(), &mut out);
@@ -84,17 +89,11 @@ impl CustomOp2 for SparseConvolution {
         _result: &Tensor,
         gradient: &Tensor,
     ) -> candle_core::Result<(Option<Tensor>, Option<Tensor>)> {
-        let gradient = gradient.contiguous()?;
-        let packed = with_values(weight, |values| {
-            PackedWeights::of_checkpoint_transposed(values, self.map.num_offsets(), self.cin, self.cout)
+        let (v_features, v_weight) = with_values([features, weight, gradient], |[inputs, values, v_out]| {
+            let mut v_features = vec![0.0_f32; inputs.len()];
+            by_features(v_out, values, &self.map, self.cin, &mut v_features);
+            Ok((v_features, by_weights(inputs, v_out, &self.map, self.cin, self.cout)))
         })?;
-        let mut v_features = vec![0.0_f32; features.elem_count()];
-        with_values(&gradient, |v_out| {
-            convolve_into(v_out, &packed, &self.map.reversed(), &Epilogue::default(), &mut v_features);
-        })?;
-        let v_weight = with_values(features, |inputs| {
-            with_values(&gradient, |v_out| by_weights(inputs, v_out, &self.map, self.cin, self.cout))
-        })??;
         Ok((
             Some(Tensor::from_vec(v_features, features.shape(), features.device())?),
             Some(Tensor::from_vec(v_weight, weight.shape(), weight.device())?),

@@ -1,148 +1,210 @@
 //! Gradient by the weights: sums of outer products over the pairs of each offset.
+//!
+//! Block after block of output rows, so that the rows stay in cache for all offsets of a piece of work. A tile of the sums lies in registers
+//! while the pairs of a block run through it; what a few blocks add up to in f32 is then added in f64.
+
+use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::map::{BLOCK, KernelMap};
+use crate::ops::lanes::Lines;
 
-/// Blocks of output rows whose sums are made by one piece of work: fixed, so that results do not depend on the number of threads.
-const BLOCKS_PER_PIECE: usize = 64;
-/// Pairs that are gathered and multiplied at a time; what they add up to in f32 is then added in f64.
-const PAIRS: usize = 128;
-/// Output channels and input channels are padded to multiples of these.
+/// Pieces of blocks at most, and the fewest blocks of a piece: fixed, so that results do not depend on the number of threads.
+const PIECES: usize = 16;
+const BLOCKS_PER_PIECE: usize = 16;
+/// Blocks whose products are summed in f32.
+const SHORT: usize = 4;
+/// Sums of the offsets that a piece of work handles: they stay in the second-level cache.
+const SUMS: usize = 1 << 17;
+/// Output channels are padded to a multiple of this.
 const COLUMNS: usize = 32;
-const ROWS: usize = 8;
 
 /// Gradient of a scalar by the weights, from its gradient by the output rows.
 ///
 /// # Shapes
 /// `features` `[num_inputs, cin]`, `v_out` `[num_outputs, cout]`; result `[cout, num_offsets, cin]`.
-pub(super) fn by_weights(features: &[f32], v_out: &[f32], map: &KernelMap, cin: usize, cout: usize) -> Vec<f32> {
-    let pieces = map.num_outputs.div_ceil(BLOCK).div_ceil(BLOCKS_PER_PIECE);
+pub fn by_weights(features: &[f32], v_out: &[f32], map: &KernelMap, cin: usize, cout: usize) -> Vec<f32> {
+    let columns = cout.next_multiple_of(COLUMNS);
+    let size = cin * columns;
     let mut result = vec![0.0_f32; cout * map.num_offsets * cin];
-    let sums: Vec<Vec<f64>> = (0..map.num_offsets)
+    if result.is_empty() {
+        return result;
+    }
+    let blocks = map.num_outputs.div_ceil(BLOCK);
+    let per_piece = blocks.div_ceil(PIECES).max(BLOCKS_PER_PIECE);
+    let pieces: Vec<Range<usize>> =
+        (0..blocks).step_by(per_piece).map(|first| first..(first + per_piece).min(blocks)).collect();
+    let together = (SUMS / size).clamp(1, map.num_offsets);
+    let groups: Vec<Range<usize>> =
+        (0..map.num_offsets).step_by(together).map(|o| o..(o + together).min(map.num_offsets)).collect();
+    let arch = pulp::Arch::new();
+    let work: Vec<(&Range<usize>, &Range<usize>)> =
+        groups.iter().flat_map(|offsets| pieces.iter().map(move |piece| (offsets, piece))).collect();
+    let sums: Vec<Vec<f64>> = work
         .into_par_iter()
-        .map(|offset| {
-            let parts: Vec<Vec<f64>> = (0..pieces)
-                .into_par_iter()
-                .map(|piece| OuterSums::new(cin, cout).over(features, v_out, map, offset, piece))
-                .collect();
-            parts.into_iter().reduce(add).unwrap_or_default()
+        .map(|(offsets, piece)| {
+            let mut sums = vec![0.0_f64; offsets.len() * size];
+            let (offsets, blocks) = (offsets.clone(), piece.clone());
+            arch.dispatch(Piece { features, v_out, map, cin, cout, offsets, blocks, sums: &mut sums });
+            sums
         })
         .collect();
-    let padded = cout.next_multiple_of(COLUMNS);
-    for (offset, sums) in sums.iter().enumerate().filter(|(_, sums)| !sums.is_empty()) {
-        for c in 0..cout {
-            for k in 0..cin {
-                result[(c * map.num_offsets + offset) * cin + k] = single(sums[k * padded + c]);
+    for (offsets, sums) in groups.iter().zip(sums.chunks_exact(pieces.len().max(1))) {
+        for (i, offset) in offsets.clone().enumerate() {
+            for (c, k) in (0..cout).flat_map(|c| (0..cin).map(move |k| (c, k))) {
+                let sum: f64 = sums.iter().map(|piece| piece[i * size + k * columns + c]).sum();
+                result[(c * map.num_offsets + offset) * cin + k] = single(sum);
             }
         }
     }
     result
 }
 
-fn add(mut a: Vec<f64>, b: Vec<f64>) -> Vec<f64> {
-    if a.is_empty() {
-        return b;
-    }
-    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-    a
-}
-
-/// Gathered rows and their sums, `[cin, cout]` padded.
-struct OuterSums {
+/// What some blocks add to the gradients of some offsets.
+struct Piece<'a> {
+    features: &'a [f32],
+    v_out: &'a [f32],
+    map: &'a KernelMap,
     cin: usize,
     cout: usize,
-    left: Vec<f32>,
-    right: Vec<f32>,
-    count: usize,
-    sums: Vec<f64>,
+    offsets: Range<usize>,
+    blocks: Range<usize>,
+    /// `[offsets, cin, columns]`.
+    sums: &'a mut [f64],
 }
 
-impl OuterSums {
-    fn new(cin: usize, cout: usize) -> Self {
-        Self { cin, cout, left: Vec::new(), right: Vec::new(), count: 0, sums: Vec::new() }
-    }
-
-    /// Sums of one offset over the blocks of one piece; empty when there is no pair.
-    fn over(mut self, features: &[f32], v_out: &[f32], map: &KernelMap, offset: usize, piece: usize) -> Vec<f64> {
-        let blocks = map.num_outputs.div_ceil(BLOCK);
-        for block in piece * BLOCKS_PER_PIECE..((piece + 1) * BLOCKS_PER_PIECE).min(blocks) {
-            let (inputs, outputs) = map.pairs(block, offset);
-            for (&input, &output) in inputs.iter().zip(outputs) {
-                let output = block * BLOCK + usize::from(output);
-                self.push(
-                    &features[input as usize * self.cin..][..self.cin],
-                    &v_out[output * self.cout..][..self.cout],
-                );
-            }
-        }
-        self.flush();
-        self.sums
-    }
-
-    fn push(&mut self, input: &[f32], v_output: &[f32]) {
-        let (left, right) = (self.cin.next_multiple_of(ROWS), self.cout.next_multiple_of(COLUMNS));
-        if self.left.is_empty() {
-            self.left = vec![0.0; PAIRS * left];
-            self.right = vec![0.0; PAIRS * right];
-            self.sums = vec![0.0; left * right];
-        }
-        self.left[self.count * left..][..self.cin].copy_from_slice(input);
-        self.right[self.count * right..][..self.cout].copy_from_slice(v_output);
-        self.count += 1;
-        if self.count == PAIRS {
-            self.flush();
-        }
-    }
-
-    fn flush(&mut self) {
-        if self.count > 0 {
-            pulp::Arch::new().dispatch(Flush(self));
-            self.count = 0;
-        }
-    }
-
-    #[inline(always)]
-    fn multiply<S: Simd, const VECTORS: usize, const HEIGHT: usize>(&mut self, simd: S) {
-        let (left, right) = (self.cin.next_multiple_of(ROWS), self.cout.next_multiple_of(COLUMNS));
-        let gathered = S::as_simd_f32s(&self.right[..self.count * right]).0;
-        let stride = right / S::F32_LANES;
-        for column in (0..stride).step_by(VECTORS) {
-            for first in (0..left).step_by(HEIGHT) {
-                let mut acc = [[simd.splat_f32s(0.0); VECTORS]; HEIGHT];
-                let rows = self.left[..self.count * left].chunks_exact(left).zip(gathered.chunks_exact(stride));
-                for (row, values) in rows {
-                    let (row, values) = (&row[first..first + HEIGHT], &values[column..column + VECTORS]);
-                    for r in 0..HEIGHT {
-                        let value = simd.splat_f32s(row[r]);
-                        for v in 0..VECTORS {
-                            acc[r][v] = simd.mul_add_f32s(value, values[v], acc[r][v]);
-                        }
-                    }
-                }
-                for (r, acc) in acc.iter().enumerate() {
-                    let values: &[f32] = bytemuck::cast_slice(acc);
-                    let sums = &mut self.sums[(first + r) * right + column * S::F32_LANES..];
-                    sums.iter_mut().zip(values).for_each(|(s, &v)| *s += f64::from(v));
-                }
-            }
-        }
-    }
-}
-
-struct Flush<'a>(&'a mut OuterSums);
-
-impl WithSimd for Flush<'_> {
+impl WithSimd for Piece<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        // Input channels of a tile: two vectors of sums for each, as many as the registers hold.
         match S::F32_LANES {
-            16 => self.0.multiply::<S, 2, 8>(simd),
-            8 => self.0.multiply::<S, 2, 4>(simd),
-            4 => self.0.multiply::<S, 4, 4>(simd),
-            _ => self.0.multiply::<S, 8, 4>(simd),
+            16 => self.run::<S, 12>(simd),
+            _ => self.run::<S, 6>(simd),
+        }
+    }
+}
+
+impl Piece<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const ROWS: usize>(&mut self, simd: S) {
+        let (mut rows, mut short) = (Lines::default(), Lines::default());
+        short.resize(self.sums.len());
+        short.fill(0.0);
+        for (done, block) in self.blocks.clone().enumerate() {
+            self.load(block, &mut rows);
+            for (i, offset) in self.offsets.clone().enumerate() {
+                let (inputs, outputs) = self.map.pairs(block, offset);
+                if !inputs.is_empty() {
+                    let size = self.cin * self.cout.next_multiple_of(COLUMNS);
+                    let sums = &mut short[i * size..(i + 1) * size];
+                    self.add_pairs::<S, ROWS>(simd, inputs, outputs, &rows, sums);
+                }
+            }
+            if done % SHORT == SHORT - 1 {
+                self.add_short(&mut short);
+            }
+        }
+        self.add_short(&mut short);
+    }
+
+    /// Copies a block's rows of `v_out`, filled up with zeros.
+    #[inline(always)]
+    fn load(&self, block: usize, rows: &mut Lines) {
+        let columns = self.cout.next_multiple_of(COLUMNS);
+        rows.resize(BLOCK * columns);
+        let from = self.v_out[block * BLOCK * self.cout..].chunks_exact(self.cout);
+        for (to, from) in rows.chunks_exact_mut(columns).zip(from) {
+            to[..self.cout].copy_from_slice(from);
+            to[self.cout..].fill(0.0);
+        }
+    }
+
+    #[inline(always)]
+    fn add_short(&mut self, short: &mut Lines) {
+        for (sum, part) in self.sums.iter_mut().zip(short.iter_mut()) {
+            *sum += f64::from(*part);
+            *part = 0.0;
+        }
+    }
+
+    /// Adds the pairs of one block and offset to `sums` `[cin, columns]`.
+    #[inline(always)]
+    fn add_pairs<S: Simd, const ROWS: usize>(
+        &self,
+        simd: S,
+        inputs: &[u32],
+        outputs: &[u16],
+        rows: &Lines,
+        sums: &mut [f32],
+    ) {
+        let vectors = self.cout.next_multiple_of(COLUMNS) / S::F32_LANES;
+        let pairs = Pairs {
+            inputs,
+            outputs,
+            features: self.features,
+            cin: self.cin,
+            rows: S::as_simd_f32s(rows).0,
+            vectors,
+        };
+        let sums = S::as_mut_simd_f32s(sums).0;
+        for column in (0..vectors).step_by(2) {
+            let mut first = 0;
+            while first + ROWS <= self.cin {
+                pairs.tile::<S, ROWS>(simd, first, column, sums);
+                first += ROWS;
+            }
+            if ROWS > 8 && first + 8 <= self.cin {
+                pairs.tile::<S, 8>(simd, first, column, sums);
+                first += 8;
+            }
+            if first + 4 <= self.cin {
+                pairs.tile::<S, 4>(simd, first, column, sums);
+                first += 4;
+            }
+            if first + 2 <= self.cin {
+                pairs.tile::<S, 2>(simd, first, column, sums);
+                first += 2;
+            }
+            if first < self.cin {
+                pairs.tile::<S, 1>(simd, first, column, sums);
+            }
+        }
+    }
+}
+
+/// The pairs of one block and offset, and the rows that they name.
+struct Pairs<'a, V> {
+    inputs: &'a [u32],
+    outputs: &'a [u16],
+    features: &'a [f32],
+    cin: usize,
+    /// `[BLOCK, vectors]`.
+    rows: &'a [V],
+    vectors: usize,
+}
+
+impl<V: Copy> Pairs<'_, V> {
+    /// Adds to the sums of `ROWS` input channels from `first` on and two vectors of output channels from `column` on.
+    #[inline(always)]
+    fn tile<S: Simd<f32s = V>, const ROWS: usize>(&self, simd: S, first: usize, column: usize, sums: &mut [V]) {
+        let mut acc = [[simd.splat_f32s(0.0); 2]; ROWS];
+        for (&input, &output) in self.inputs.iter().zip(self.outputs) {
+            let values = &self.features[input as usize * self.cin + first..][..ROWS];
+            let row = &self.rows[usize::from(output) * self.vectors + column..][..2];
+            for r in 0..ROWS {
+                let value = simd.splat_f32s(values[r]);
+                acc[r][0] = simd.mul_add_f32s(value, row[0], acc[r][0]);
+                acc[r][1] = simd.mul_add_f32s(value, row[1], acc[r][1]);
+            }
+        }
+        for (r, acc) in acc.iter().enumerate() {
+            let sums = &mut sums[(first + r) * self.vectors + column..][..2];
+            sums[0] = simd.add_f32s(sums[0], acc[0]);
+            sums[1] = simd.add_f32s(sums[1], acc[1]);
         }
     }
 }
