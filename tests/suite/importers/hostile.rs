@@ -71,7 +71,7 @@ const SPOILT: [Spoilt; 34] = [
     Spoilt { layout: "nuscenes", name: "half_a_table", file: "v1.0-mini/sample_data.json", change: Half, names: &["sample_data.json", "row 3"] },
     Spoilt { layout: "nuscenes", name: "a_token_of_nothing", file: "v1.0-mini/calibrated_sensor.json", change: Text("\"mCAM_FRONT\"", "\"lost\""), names: &["sample_data.json", "calibrated_sensor_token", "mCAM_FRONT"] },
     Spoilt { layout: "nuscenes", name: "another_schema", file: "v1.0-mini/ego_pose.json", change: Text("\"rotation\"", "\"heading\""), names: &["ego_pose.json", "row 0", "missing field `rotation`"] },
-    Spoilt { layout: "nuscenes", name: "half_a_sweep", file: "samples/LIDAR_TOP/n__LIDAR_TOP__1600000000000000.pcd.bin", change: Half, names: &["1600000000000000.pcd.bin", "20 bytes", "truncated"] },
+    Spoilt { layout: "nuscenes", name: "half_a_sweep", file: "samples/LIDAR_TOP/n__LIDAR_TOP__1600000000000000.pcd.bin", change: Bytes(&[0; 30]), names: &["1600000000000000.pcd.bin", "20 bytes", "truncated"] },
     Spoilt { layout: "nuscenes", name: "several_scenes", file: "v1.0-mini/scene.json", change: Text("[", "[{\"token\": \"o\", \"name\": \"scene-0002\"},"), names: &["scene.json", "--scene", "scene-0002", "scene-0001"] },
 ];
 

@@ -27,8 +27,8 @@ const NUM_OXTS: usize = 30;
 enum Poses {
     /// Of camera 0, one for each number.
     Numbered(Vec<Pose>),
-    /// Of the LiDAR.
-    Timed(Trajectory),
+    /// Of the inertial sensor: between its moments it is the vehicle that moves evenly.
+    Timed { trajectory: Trajectory, imu_from_lidar: Pose },
 }
 
 /// Poses of a drive.
@@ -52,21 +52,22 @@ impl Motion {
         if !file.is_dir() {
             return Err(FormatError::invalid(drive, "poses", "`oxts/` or `poses.txt`", "neither"));
         }
-        let poses = Poses::Timed(inertial(&file, &Calibration::lidar_from_imu(date)?)?);
+        let imu_from_lidar = Calibration::lidar_from_imu(date)?.inverse();
+        let poses = Poses::Timed { trajectory: inertial(&file)?, imu_from_lidar };
         Ok(Self { file, poses, camera_0_from_lidar })
     }
 
     pub(super) fn world_from_lidar(&self, number: u64, time: f64) -> Result<Pose> {
         match &self.poses {
             Poses::Numbered(poses) => Ok(self.of_number(poses, number)? * self.camera_0_from_lidar),
-            Poses::Timed(trajectory) => trajectory.at(time),
+            Poses::Timed { trajectory, imu_from_lidar } => Ok(trajectory.at(time)? * *imu_from_lidar),
         }
     }
 
     pub(super) fn world_from_camera_0(&self, number: u64, time: f64) -> Result<Pose> {
         match &self.poses {
             Poses::Numbered(poses) => self.of_number(poses, number),
-            Poses::Timed(trajectory) => Ok(trajectory.at(time)? * self.camera_0_from_lidar.inverse()),
+            Poses::Timed { .. } => Ok(self.world_from_lidar(number, time)? * self.camera_0_from_lidar.inverse()),
         }
     }
 
@@ -102,7 +103,7 @@ fn odometry(file: &Path) -> Result<Vec<Pose>> {
     read_text(file)?.lines().enumerate().map(of_line).collect()
 }
 
-/// Poses of the LiDAR from measurements of position and attitude.
+/// Poses of the inertial sensor from measurements of position and attitude.
 ///
 /// # Formula
 /// With `s = cos(latitude of the first)`: `x = s r lon`, `y = s r log(tan(pi/4 + lat/2))`, `z = alt`;
@@ -110,8 +111,7 @@ fn odometry(file: &Path) -> Result<Vec<Pose>> {
 ///
 /// # Source
 /// `convertOxtsToPose.m` of KITTI's raw development kit.
-fn inertial(folder: &Path, lidar_from_imu: &Pose) -> Result<Trajectory> {
-    let imu_from_lidar = lidar_from_imu.inverse();
+fn inertial(folder: &Path) -> Result<Trajectory> {
     let times = Times::read(&folder.join("timestamps.txt"))?;
     let mut scale = None;
     let mut moments = Vec::new();
@@ -130,7 +130,7 @@ fn inertial(folder: &Path, lidar_from_imu: &Pose) -> Result<Trajectory> {
             altitude,
         );
         let turn = DMat3::from_rotation_z(yaw) * DMat3::from_rotation_y(pitch) * DMat3::from_rotation_x(roll);
-        moments.push(Moment { time: times.of(found.number)?, pose: Pose::new(turn, place) * imu_from_lidar });
+        moments.push(Moment { time: times.of(found.number)?, pose: Pose::new(turn, place) });
     }
     Trajectory::new(folder, moments)
 }
