@@ -189,3 +189,65 @@ fn inverse_mean<const D: usize>(rows: impl ExactSizeIterator<Item = [f32; D]>) -
 fn single(value: f64) -> f32 {
     value as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{GaussianSet, NUM_ATTRIBUTES, RawGradient, add_residuals, refine_rows, residual_gradients};
+
+    fn value(k: usize) -> f32 {
+        ((k * 37 + 11) % 101) as f32 / 101.0 - 0.5
+    }
+
+    fn set(n: usize) -> GaussianSet {
+        GaussianSet {
+            attributes: (0..n).map(|i| std::array::from_fn(|k| 4.0 * value(i * 14 + k))).collect(),
+            times: vec![0.0; n],
+            velocities: (0..n).map(|i| std::array::from_fn(|k| value(i * 3 + k + 5))).collect(),
+            num_lidar: n,
+        }
+    }
+
+    fn gradient(n: usize, factor: f32) -> RawGradient {
+        RawGradient {
+            attributes: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 14 + k + 9))).collect(),
+            velocities: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 3 + k + 2))).collect(),
+        }
+    }
+
+    /// `<gradient, update(outputs) - set> = <residual gradient, outputs>`: the update is linear in the outputs.
+    #[test]
+    fn gradients_of_residuals_are_the_transpose_of_their_update() {
+        let (before, chosen, width) = (set(6), [1, 2, 5], NUM_ATTRIBUTES + 3);
+        let outputs: Vec<f32> = (0..chosen.len() * width).map(|k| value(k + 3)).collect();
+        let mut after = before.clone();
+        add_residuals(&mut after, &chosen, &outputs, width);
+        let g = gradient(6, 1.0);
+        let moved = |a: &[f32], b: &[f32], g: &[f32]| {
+            a.iter().zip(b).zip(g).map(|((a, b), g)| f64::from(a - b) * f64::from(*g)).sum::<f64>()
+        };
+        let got: f64 = (0..6)
+            .map(|i| {
+                moved(&after.attributes[i], &before.attributes[i], &g.attributes[i])
+                    + moved(&after.velocities[i], &before.velocities[i], &g.velocities[i])
+            })
+            .sum();
+        let by_outputs = residual_gradients(&before, &chosen, &g, width);
+        let want: f64 = by_outputs.iter().zip(&outputs).map(|(v, o)| f64::from(*v) * f64::from(*o)).sum();
+        assert!((got - want).abs() < 1e-4 * want.abs().max(1.0), "{got} {want}");
+    }
+
+    #[test]
+    fn the_scale_of_the_loss_does_not_matter() {
+        let (set, chosen) = (set(8), [0, 2, 3, 7]);
+        let plain = refine_rows(&set, &gradient(8, 1.0), &chosen, true);
+        for factor in [1e-6, 1e6] {
+            let scaled = refine_rows(&set, &gradient(8, factor), &chosen, true);
+            assert!(plain.own.iter().zip(&scaled.own).all(|(a, b)| (a - b).abs() < 1e-4));
+        }
+        let tail = |row: &[f32]| row[row.len() - 17..].to_vec();
+        let tails: Vec<f32> = plain.inputs.chunks_exact(super::REFINE_INPUTS).flat_map(tail).collect();
+        assert_eq!(tails, plain.own);
+        let none = refine_rows(&set, &gradient(8, 0.0), &chosen, false);
+        assert!(none.own.iter().all(|v| *v == 0.0) && none.own.len() == 4 * NUM_ATTRIBUTES);
+    }
+}

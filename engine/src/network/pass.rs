@@ -182,3 +182,37 @@ pub fn gather(site_rows: &[f32], levels: &Levels, buffers: &mut Buffers) -> Vec<
     }
     rows
 }
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{DType, Device, Tensor};
+    use candle_nn::VarBuilder;
+
+    use super::{Levels, NUM_ATTRIBUTES, Outputs, Pass, UNetConfig, gather, with_own};
+    use crate::network::buffers::Buffers;
+    use crate::network::weights::RandomWeights;
+
+    /// Both forms of a refinement pass, points of one voxel with gradients of their own.
+    #[test]
+    fn folded_features_equal_the_trainable_ones() {
+        let config = UNetConfig { stem: 8, encoder: vec![8], decoder: vec![30] };
+        let vb = VarBuilder::from_backend(Box::new(RandomWeights { seed: 3 }), DType::F32, Device::Cpu);
+        let pass = Pass::new(5, &config, Outputs::Static, &vb).unwrap();
+        let voxels: Vec<[i32; 4]> = (0..60).map(|i| [0, i % 4, i / 7 % 3, i % 5 / 2]).collect();
+        let levels = Levels::new(&voxels, config.num_levels()).unwrap();
+        let value = |k: usize| ((k * 53 + 7) % 97) as f32 / 97.0 - 0.5;
+        let rows: Vec<f32> = (0..60 * 5).map(value).collect();
+        let own: Vec<f32> = (0..60 * NUM_ATTRIBUTES).map(|k| 3.0 * value(k + 1)).collect();
+        let tensor = |v: &[f32], rows: usize| Tensor::from_slice(v, (rows, v.len() / rows), &Device::Cpu).unwrap();
+        let means = tensor(&levels.mean_of_points(&rows, 5), levels.sites.len());
+        let want = pass.features_with_own(&means, &tensor(&own, 60), &levels, false).unwrap();
+        let mut buffers = Buffers::default();
+        let by_site = pass.fold().unwrap().site_features(&rows, 5, &levels, &mut buffers);
+        let mut got = gather(&by_site, &levels, &mut buffers);
+        with_own(&mut got, &own, 60);
+        let want = want.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        let worst = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-4, "{worst}");
+        assert_ne!(got[..30], got[30 * 20..30 * 21], "points of one voxel differ");
+    }
+}

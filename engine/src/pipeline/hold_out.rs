@@ -44,6 +44,23 @@ impl HoldOut {
     }
 }
 
+impl std::str::FromStr for HoldOut {
+    type Err = String;
+
+    /// The rule that [`HoldOut`] prints so.
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let rule = match text {
+            "none" => Some(Self::Nothing),
+            "odd" => Some(Self::Odd),
+            _ => match text.strip_prefix("every:") {
+                Some(n) => n.parse().ok().map(Self::Every),
+                None => text.split(',').map(|frame| frame.parse().ok()).collect::<Option<_>>().map(Self::List),
+            },
+        };
+        rule.ok_or_else(|| format!("expected none, odd, every:N or frames as 1,4, found {text}"))
+    }
+}
+
 impl std::fmt::Display for HoldOut {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -74,6 +91,16 @@ mod tests {
         assert_eq!(every(10).indices(25, None).unwrap(), [9, 19]);
         assert_eq!(HoldOut::List(vec![4, 0]).indices(6, Some(&[1])).unwrap(), [4, 0]);
         assert!(HoldOut::Nothing.indices(6, None).unwrap().is_empty());
+    }
+
+    #[test]
+    fn rules_are_read_as_they_are_printed() {
+        for text in ["none", "odd", "every:3", "1,4"] {
+            assert_eq!(text.parse::<HoldOut>().unwrap().to_string(), text);
+        }
+        for text in ["", "even", "every:0", "every:", "1,", "-1"] {
+            assert!(text.parse::<HoldOut>().is_err(), "{text}");
+        }
     }
 
     #[test]

@@ -28,7 +28,8 @@ use super::scene::{scene, view};
 const VOXEL: f64 = 0.5;
 /// Directions along which the loss is followed.
 const DIRECTIONS: usize = 6;
-const TOLERANCE: f64 = 0.03;
+/// Relative; a Gaussian that reaches another pixel makes a jump that no gradient knows of.
+const TOLERANCE: f64 = 0.05;
 
 pub(crate) fn cases() -> Vec<Trial> {
     vec![case("network::gradient_of_the_whole_path_is_the_finite_difference", whole_path)]

@@ -42,9 +42,10 @@ impl Window {
         (image.width, image.height) = (width, height);
         image.data =
             rows().flat_map(|y| &view.image.data[3 * (y * full_width + left)..][..3 * width]).copied().collect();
-        let labels = view.labels.as_ref().map(|labels| {
-            rows().flat_map(|y| &labels[y * full_width + left..][..width]).copied().collect::<Vec<_>>()
-        });
+        let labels = view
+            .labels
+            .as_ref()
+            .map(|labels| rows().flat_map(|y| &labels[y * full_width + left..][..width]).copied().collect::<Vec<_>>());
         let depth_samples = view.depth_samples.iter().filter_map(|sample| {
             let (x, y) = (sample.pixel as usize % full_width, sample.pixel as usize / full_width);
             let inside = (left..left + width).contains(&x) && rows().contains(&y);
@@ -94,5 +95,70 @@ pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Dice) {
             row[LOGIT_OPACITY] += narrow(opacity);
             row[LOGIT_COLOUR].iter_mut().for_each(|c| *c += narrow(colour * dice.normal()));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lgs_engine::views::{DepthSample, PinholeView, Role, View};
+    use lgs_formats::image::{PixelLabel, RgbImage};
+
+    use super::{Light, Window};
+
+    fn view(width: usize, height: usize) -> View {
+        let pinhole = PinholeView {
+            width,
+            height,
+            fx: 9.0,
+            fy: 8.0,
+            cx: 3.5,
+            cy: 2.5,
+            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            time: 0.0,
+        };
+        let data = (0..width * height).flat_map(|i| [i as f32 / 100.0; 3]).collect();
+        let labels = (0..width * height).map(|i| if i % 3 == 0 { PixelLabel::Dynamic } else { PixelLabel::Static });
+        let depth_samples = (0..).take(width * height).map(|pixel| DepthSample { pixel, depth: pixel as f32 });
+        View {
+            frame: 4,
+            camera: "front".to_owned(),
+            role: Role::Input,
+            pinhole,
+            image: RgbImage { width, height, data },
+            labels: Some(labels.collect()),
+            depth_samples: depth_samples.collect(),
+        }
+    }
+
+    #[test]
+    fn a_crop_shows_the_same_rays() {
+        let whole = view(7, 5);
+        let part = Window { left: 2, top: 1, width: 4, height: 3 }.of(&whole);
+        assert_eq!((part.pinhole.width, part.pinhole.height, part.depth_samples.len()), (4, 3, 12));
+        for (x, y) in [(0, 0), (3, 2), (1, 2)] {
+            let (inner, outer) = (y * 4 + x, (y + 1) * 7 + x + 2);
+            assert_eq!(part.image.data[3 * inner], whole.image.data[3 * outer]);
+            assert_eq!(part.labels.as_ref().unwrap()[inner], whole.labels.as_ref().unwrap()[outer]);
+            assert_eq!(part.depth_samples[inner].depth, whole.depth_samples[outer].depth);
+            assert_eq!(part.depth_samples[inner].pixel as usize, inner);
+        }
+        let point = [0.3, -0.1, 4.0];
+        let (a, b) = (whole.pinhole.project(point).unwrap(), part.pinhole.project(point).unwrap());
+        assert!((a.u - b.u - 2.0).abs() < 1e-5 && (a.v - b.v - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_window_is_cut_to_the_image() {
+        let part = Window { left: 5, top: 4, width: 100, height: 100 }.of(&view(7, 5));
+        assert_eq!((part.pinhole.width, part.pinhole.height, part.image.data.len()), (2, 1, 6));
+    }
+
+    #[test]
+    fn light_stays_in_range() {
+        let mut lit = view(7, 5);
+        Light { gain: [2.0, 0.5, 1.0], gamma: 0.8 }.apply(&mut lit);
+        assert!(lit.image.data.iter().all(|v| (0.0..=1.0).contains(v)));
+        let expected = 0.5 * 0.2_f32.powf(0.8);
+        assert!((lit.image.data[3 * 20 + 1] - expected).abs() < 1e-6);
     }
 }

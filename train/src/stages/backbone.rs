@@ -157,8 +157,7 @@ impl Perturbed {
     /// The gradient by the primitives before the update: a copy's is added to that of its source.
     fn pulled_back(&self, gradient: &RawGradient, num_before: usize) -> RawGradient {
         let Some(sources) = &self.sources else { return gradient.clone() };
-        let mut sums =
-            RawGradient { attributes: vec![[0.0; 14]; num_before], velocities: vec![[0.0; 3]; num_before] };
+        let mut sums = RawGradient { attributes: vec![[0.0; 14]; num_before], velocities: vec![[0.0; 3]; num_before] };
         for (at, &source) in sources.iter().enumerate() {
             sums.attributes[source].iter_mut().zip(gradient.attributes[at]).for_each(|(s, g)| *s += g);
             sums.velocities[source].iter_mut().zip(gradient.velocities[at]).for_each(|(s, g)| *s += g);

@@ -192,10 +192,8 @@ fn json(path: &Path, value: &impl Serialize) -> Result<String> {
 
 fn write_file(path: &Path, tensors: Vec<(String, Stored<'_>)>, key: &str, text: &str) -> Result<()> {
     let metadata = HashMap::from([(key.to_owned(), text.to_owned())]);
-    let failed = |error: safetensors::SafeTensorError| TrainError::Encode {
-        file: path.to_owned(),
-        reason: error.to_string(),
-    };
+    let failed =
+        |error: safetensors::SafeTensorError| TrainError::Encode { file: path.to_owned(), reason: error.to_string() };
     let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(failed)?;
     Ok(write_atomic(path, &bytes)?)
 }

@@ -15,8 +15,8 @@ pub mod backbone;
 mod passes;
 
 pub mod checkpoint;
-pub mod record;
 pub mod plot;
+pub mod record;
 pub mod validate;
 
 pub mod train;

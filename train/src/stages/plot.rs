@@ -9,7 +9,7 @@ use plotters::{
     drawing::IntoDrawingArea,
     element::PathElement,
     series::LineSeries,
-    style::{Color, FontStyle, IntoFont, Palette, Palette99, WHITE, BLACK, register_font},
+    style::{BLACK, Color, FontStyle, IntoFont, Palette, Palette99, WHITE, register_font},
 };
 
 use super::record::Table;
@@ -60,7 +60,12 @@ fn curve(table: &Table, column: usize) -> Curve<'_> {
 }
 
 /// Draws curves; the error is what the library says.
-fn draw(pixels: &mut [u8], curves: &[Curve<'_>], title: &str, [x, y]: [[f64; 2]; 2]) -> std::result::Result<(), String> {
+fn draw(
+    pixels: &mut [u8],
+    curves: &[Curve<'_>],
+    title: &str,
+    [x, y]: [[f64; 2]; 2],
+) -> std::result::Result<(), String> {
     static FONT_KNOWN: OnceLock<bool> = OnceLock::new();
     if !FONT_KNOWN.get_or_init(|| register_font(FONT, FontStyle::Normal, dejavu::sans::regular()).is_ok()) {
         return Err("the font cannot be read".to_owned());
@@ -92,4 +97,25 @@ fn draw(pixels: &mut [u8], curves: &[Curve<'_>], title: &str, [x, y]: [[f64; 2];
         .map_err(|e| text(&e))?;
     drop(chart);
     area.present().map_err(|e| text(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::Table;
+    use super::plot;
+
+    #[test]
+    fn curves_become_a_picture() {
+        let dir = tempfile::tempdir().unwrap();
+        let columns = ["step", "a", "b"].map(str::to_owned).to_vec();
+        let mut table = Table::open(dir.path().join("t.csv"), columns, 0).unwrap();
+        let file = dir.path().join("t.png");
+        plot(&table, &[1, 2], "none", &file).unwrap();
+        assert!(!file.exists(), "nothing to draw");
+        for k in 0..500 {
+            table.push(vec![f64::from(k), f64::from(k % 7), if k % 5 == 0 { f64::NAN } else { 3.0 }]);
+        }
+        plot(&table, &[1, 2], "two", &file).unwrap();
+        assert!(std::fs::metadata(&file).unwrap().len() > 2_000);
+    }
 }

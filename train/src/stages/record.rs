@@ -64,3 +64,22 @@ impl Table {
         Ok(write_atomic(&self.file, text.as_bytes())?)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Table;
+
+    #[test]
+    fn a_table_goes_on_after_a_step() {
+        let dir = tempfile::tempdir().unwrap();
+        let (file, columns) = (dir.path().join("a.csv"), vec!["step".to_owned(), "x".to_owned()]);
+        let mut table = Table::open(file.clone(), columns.clone(), 0).unwrap();
+        (1..=3).for_each(|k| table.push(vec![f64::from(k), 0.1 * f64::from(k)]));
+        table.push(vec![4.0, f64::NAN]);
+        table.write().unwrap();
+        let again = Table::open(file.clone(), columns, 2).unwrap();
+        assert_eq!(again.rows(), [vec![1.0, 0.1], vec![2.0, 0.2]]);
+        let others = Table::open(file, vec!["step".to_owned()], 9).unwrap();
+        assert!(others.rows().is_empty());
+    }
+}

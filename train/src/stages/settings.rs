@@ -40,11 +40,7 @@ impl Settings {
     /// # Errors
     /// The first value out of its range.
     pub fn validate(&self) -> Result<()> {
-        let shares = [
-            ("average", self.average),
-            ("target_share", self.target_share),
-            ("perturbed", self.perturbed),
-        ];
+        let shares = [("average", self.average), ("target_share", self.target_share), ("perturbed", self.perturbed)];
         for (name, value) in shares {
             if !(0.0..=1.0).contains(&value) {
                 return Err(TrainError::config(name, "0 to 1", value));

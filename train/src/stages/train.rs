@@ -186,7 +186,8 @@ impl Tables {
         let states: Vec<String> = (0..=state.settings.refine_steps).map(|k| format!("after_{k}")).collect();
         let losses = |kind: &str| states.iter().map(|s| format!("{kind}_{s}")).collect::<Vec<_>>();
         let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
-        let columns = [names(&["step", "rate", "gradient", "seconds", "lidar", "background"]), losses("inputs")].concat();
+        let columns =
+            [names(&["step", "rate", "gradient", "seconds", "lidar", "background"]), losses("inputs")].concat();
         let columns = [columns, losses("targets"), names(&["l1", "dissimilarity", "depth", "speed"])].concat();
         let steps = Table::open(dir.join("steps.csv"), columns, state.step)?;
         let columns = [names(&["step", "start"]), states].concat();

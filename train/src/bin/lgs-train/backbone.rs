@@ -25,7 +25,8 @@ pub(crate) fn backbone(args: &BackboneArgs) -> Result<String> {
         state.settings.schedule.steps = steps;
         state.settings.validate()?;
     }
-    let clips = all(&args.clips)?.iter().map(|dir| TrainingClip::open(dir, &args.hold_out)).collect::<Result<_, _>>()?;
+    let clips =
+        all(&args.clips)?.iter().map(|dir| TrainingClip::open(dir, &args.hold_out)).collect::<Result<_, _>>()?;
     let validation = all(&args.validation)?.into_iter().take(args.validation_clips);
     let open = |dir: PathBuf| ValidationClip::open(&dir, 5, Some(args.validation_size));
     let validation = validation.map(open).collect::<Result<_, _>>()?;

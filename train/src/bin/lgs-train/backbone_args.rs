@@ -17,7 +17,7 @@ pub(crate) struct BackboneArgs {
     #[arg(long, value_name = "DIR", required = true, num_args = 1..)]
     pub(crate) clips: Vec<PathBuf>,
     /// Frames of these clips that are never read: none, odd, every:N, or indices
-    #[arg(long, value_name = "RULE", default_value = "none", value_parser = parse_hold_out)]
+    #[arg(long, value_name = "RULE", default_value = "none")]
     pub(crate) hold_out: HoldOut,
     /// Clips to measure on, as --clips; their odd frames are held out
     #[arg(long, value_name = "DIR", num_args = 0..)]
@@ -104,17 +104,5 @@ impl BackboneArgs {
             target_share: self.target_share,
             perturbed: self.perturbed,
         }
-    }
-}
-
-fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
-    let wrong = || format!("expected none, odd, every:N or indices as 1,4, found {text}");
-    match text {
-        "none" => Ok(HoldOut::Nothing),
-        "odd" => Ok(HoldOut::Odd),
-        _ => match text.strip_prefix("every:") {
-            Some(n) => n.parse().map(HoldOut::Every).map_err(|_| wrong()),
-            None => text.split(',').map(|i| i.parse().ok()).collect::<Option<_>>().map(HoldOut::List).ok_or_else(wrong),
-        },
     }
 }
