@@ -6,6 +6,7 @@ mod network;
 mod readme;
 mod render;
 mod structure;
+mod targetgen;
 
 use std::process::ExitCode;
 
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
     cases.extend(network::cases());
     cases.extend(structure::cases());
     cases.extend(cli::cases());
+    cases.extend(targetgen::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }
