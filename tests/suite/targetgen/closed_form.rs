@@ -9,6 +9,7 @@ use lgs_engine::gaussians::NUM_ATTRIBUTES;
 use lgs_engine::gaussians::physical::to_physical;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::render::render;
+use lgs_engine::views::View;
 use lgs_formats::targets::Signal;
 use lgs_targetgen::branches::{Problem, Round, branch_gradients};
 use lgs_targetgen::delta::{ActionDeltas, NeighbourSets, footprint_deltas, response_deltas};
@@ -38,8 +39,14 @@ fn patch(opacity: f32, colour_of: impl Fn(usize) -> [f32; 3]) -> Vec<[f32; NUM_A
         let mean = [-1.4 + 0.15 * column, -0.3 + 0.15 * line, 4.0 + 0.05 * ((3 * k) % 5) as f32];
         row(mean, UPRIGHT, [0.15; 3], opacity, colour_of(k))
     };
-    let holder = row([1.2, 0.1, 4.0], [1.0, 0.3, 0.4, 0.5], [0.2, 0.5, 0.9], 0.5, [0.5; 3]);
+    let holder = row([1.2, 0.1, 4.0], [1.0, 0.3, 0.4, 0.5], [0.1, 0.25, 0.4], 0.5, [0.5; 3]);
     (0..25).map(member).chain([holder]).collect()
+}
+
+/// Views from the right, from where the patch is outside the image: the holder is too dark but in one quarter, where it is too bright.
+fn holder_views() -> impl Iterator<Item = View> {
+    let truth = |pixel: usize| if pixel % WIDTH > 20 && pixel / WIDTH > 21 { [0.0; 3] } else { [0.9, 0.8, 0.7] };
+    (0..12).map(move |_| view(camera(2.0), (0..WIDTH * HEIGHT).flat_map(truth).collect(), Vec::new()))
 }
 
 /// Deltas of both signals of the centre alone: fast path, after it was compared with the twin.
@@ -100,7 +107,10 @@ fn half_transparent_surface() -> Outcome {
     let num_lidar = rows.len();
     rows.push(row([-1.1, 0.0, 6.0], UPRIGHT, [0.9, 0.9, 0.1], 0.99, [0.05, 0.05, 0.95]));
     let truth = (0..WIDTH * HEIGHT).flat_map(|_| RED).collect();
-    let made = Made { set: set_of(rows, num_lidar), views: vec![view(camera(0.0), truth, Vec::new())] };
+    let made = Made {
+        set: set_of(rows, num_lidar),
+        views: std::iter::once(view(camera(0.0), truth, Vec::new())).chain(holder_views()).collect(),
+    };
     expect_signs(&centre_deltas(&made)?, 1.0, Some(-1.0))
 }
 
@@ -111,13 +121,10 @@ fn wrong_colour() -> Outcome {
     let num_lidar = rows.len();
     let mut right = rows.clone();
     right.remove(CENTRE);
-    let mut truth = render(&to_physical(&set_of(right, num_lidar - 1)), &camera(0.0), [0.0; 3]).rgb;
-    // The holder has something to be wrong about.
-    for pixel in 0..WIDTH * HEIGHT {
-        if pixel % WIDTH > WIDTH / 2 {
-            truth[3 * pixel..3 * pixel + 3].copy_from_slice(&[0.9, 0.2, 0.7]);
-        }
-    }
-    let made = Made { set: set_of(rows, num_lidar), views: vec![view(camera(0.0), truth, Vec::new())] };
+    let truth = render(&to_physical(&set_of(right, num_lidar - 1)), &camera(0.0), [0.0; 3]).rgb;
+    let made = Made {
+        set: set_of(rows, num_lidar),
+        views: std::iter::once(view(camera(0.0), truth, Vec::new())).chain(holder_views()).collect(),
+    };
     expect_signs(&centre_deltas(&made)?, -1.0, None)
 }

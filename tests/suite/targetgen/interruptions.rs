@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use lgs_formats::targets::Shard;
 use lgs_tests::process::{Finished, binary, run};
@@ -20,7 +19,7 @@ pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("targetgen::interruptions::killed_at_30_moments", killed),
         case("targetgen::interruptions::disk_full", disk_full),
-        case_if(&read_only, "targetgen::interruptions::read_only", move || read_only_folder()),
+        case_if(&read_only, "targetgen::interruptions::read_only", read_only_folder),
     ]
 }
 
