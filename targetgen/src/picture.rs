@@ -34,10 +34,13 @@ pub fn histogram(title: &str, axis: &Axis<'_>, counts: &[u64]) -> String {
     for (k, &count) in counts.iter().enumerate() {
         let height = plot_height() * count as f64 / largest;
         let (left, top) = (MARGIN[0] + k as f64 * width, MARGIN[1] + plot_height() - height);
-        line(&mut svg, &format!(
-            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{height:.1}\" fill=\"#3465a4\"/>",
-            (width - 0.5).max(0.3)
-        ));
+        line(
+            &mut svg,
+            &format!(
+                "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{height:.1}\" fill=\"#3465a4\"/>",
+                (width - 0.5).max(0.3)
+            ),
+        );
     }
     svg + "</svg>\n"
 }
@@ -56,12 +59,18 @@ pub fn scatter(title: &str, x: &Axis<'_>, y: &Axis<'_>, points: &[[f64; 2]]) -> 
                 [MARGIN[0], top, MARGIN[0] + plot_width(), top]
             };
             let [x1, y1, x2, y2] = ends;
-            line(&mut svg, &format!("<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"#bbb\"/>"));
+            line(
+                &mut svg,
+                &format!("<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"#bbb\"/>"),
+            );
         }
     }
     for [a, b] in points {
         let (cx, cy) = (MARGIN[0] + x.place(*a) * plot_width(), MARGIN[1] + (1.0 - y.place(*b)) * plot_height());
-        line(&mut svg, &format!("<circle cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"1.8\" fill=\"#3465a4\" fill-opacity=\"0.45\"/>"));
+        line(
+            &mut svg,
+            &format!("<circle cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"1.8\" fill=\"#3465a4\" fill-opacity=\"0.45\"/>"),
+        );
     }
     svg + "</svg>\n"
 }
@@ -88,7 +97,10 @@ fn frame(title: &str, x: &Axis<'_>, y: &Axis<'_>) -> String {
     let (right, bottom) = (MARGIN[0] + plot_width(), MARGIN[1] + plot_height());
     let mut text = |at: [f64; 2], anchor: &str, text: &str| {
         let [left, top] = at;
-        line(&mut svg, &format!("<text x=\"{left:.1}\" y=\"{top:.1}\" text-anchor=\"{anchor}\">{}</text>", escape(text)));
+        line(
+            &mut svg,
+            &format!("<text x=\"{left:.1}\" y=\"{top:.1}\" text-anchor=\"{anchor}\">{}</text>", escape(text)),
+        );
     };
     text([WIDTH / 2.0, 17.0], "middle", title);
     text([MARGIN[0], bottom + 15.0], "start", &number(x.low));
@@ -97,11 +109,18 @@ fn frame(title: &str, x: &Axis<'_>, y: &Axis<'_>) -> String {
     text([MARGIN[0] - 4.0, bottom], "end", &number(y.low));
     text([MARGIN[0] - 4.0, MARGIN[1] + 9.0], "end", &number(y.high));
     let middle = MARGIN[1] + plot_height() / 2.0;
-    line(&mut svg, &format!(
-        "<text transform=\"translate(12 {middle}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n\
+    line(
+        &mut svg,
+        &format!(
+            "<text transform=\"translate(12 {middle}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n\
          <rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#888\"/>",
-        escape(y.name), MARGIN[0], MARGIN[1], plot_width(), plot_height()
-    ));
+            escape(y.name),
+            MARGIN[0],
+            MARGIN[1],
+            plot_width(),
+            plot_height()
+        ),
+    );
     svg
 }
 

@@ -63,8 +63,7 @@ pub fn summarise(folder: &Path, manifest: &Manifest) -> Result<Summary> {
         }
     })?;
     let range = summary.delta_range;
-    let empty =
-        || ActionSummary { delta_bars: vec![0; BARS], target_bars: vec![0; BARS], ..ActionSummary::default() };
+    let empty = || ActionSummary { delta_bars: vec![0; BARS], target_bars: vec![0; BARS], ..ActionSummary::default() };
     let mut actions = [empty(), empty()];
     each_clip(folder, manifest, &mut |prune, add, [primitives, sampled]| {
         summary.clips += 1;
@@ -118,7 +117,9 @@ pub fn html(summary: &Summary, manifest: &Manifest, seconds: &Seconds, passes: u
          figure{display:inline-block;margin:.3rem}pre{white-space:pre-wrap;background:#f5f5f5;padding:.6rem}\n\
          </style>\n</head>\n<body>\n<h1>LGS targets</h1>\n",
     );
-    let share = |count: u64, of: u64| if of == 0 { "–".to_owned() } else { format!("{:.2} %", 100.0 * count as f64 / of as f64) };
+    let share = |count: u64, of: u64| {
+        if of == 0 { "–".to_owned() } else { format!("{:.2} %", 100.0 * count as f64 / of as f64) }
+    };
     let mut put = |text: String| {
         // writing to a String cannot fail
         let _ = writeln!(page, "{text}");
@@ -126,7 +127,10 @@ pub fn html(summary: &Summary, manifest: &Manifest, seconds: &Seconds, passes: u
     let part = manifest.part.map_or(String::new(), |part| format!(", part {} of {}", part.index, part.count));
     put(format!(
         "<p>{} clips with targets, {} failed{part}; {} primitives, {} of them sampled.</p>",
-        summary.clips, manifest.failed.len(), summary.primitives, share(summary.sampled, summary.primitives)
+        summary.clips,
+        manifest.failed.len(),
+        summary.primitives,
+        share(summary.sampled, summary.primitives)
     ));
     put("<h2>Targets</h2>\n<table>\n<tr><th>action</th><th>valid</th>".to_owned());
     put(THRESHOLDS.iter().map(|t| format!("<th>y &gt; {t}</th>")).collect::<String>() + "</tr>");

@@ -7,6 +7,7 @@ mod network;
 mod readme;
 mod render;
 mod structure;
+mod targetgen;
 mod train;
 
 use std::process::ExitCode;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     cases.extend(structure::cases());
     cases.extend(importers::cases());
     cases.extend(cli::cases());
+    cases.extend(targetgen::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }

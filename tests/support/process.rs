@@ -100,4 +100,15 @@ impl Finished {
         );
         Err(text.into())
     }
+
+    /// Fails unless the process ended with code 2 and its last line on stderr, after those on its progress, is the program's own and
+    /// holds every one of `names`.
+    pub fn expect_one_line_at_the_end(&self, names: &[&str]) -> Outcome {
+        let last = self.stderr.lines().last().unwrap_or_default();
+        let missing: Vec<_> = names.iter().filter(|name| !last.contains(**name)).collect();
+        if self.code == Some(2) && last.starts_with("lgs-") && missing.is_empty() {
+            return Ok(());
+        }
+        Err(format!("exit {:?}, want 2; not named: {missing:?}; it said:\n{}", self.code, self.stderr).into())
+    }
 }

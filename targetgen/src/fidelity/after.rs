@@ -96,7 +96,8 @@ fn places(splat: &Splat, views: &[View]) -> Places {
     let place = |view: &View| {
         let pinhole = &view.pinhole;
         let elapsed = pinhole.time - splat.time;
-        let [x, y, z] = pinhole.to_camera([0, 1, 2].map(|k| splat.mean[k] + splat.velocity[k] * elapsed)).map(f64::from);
+        let [x, y, z] =
+            pinhole.to_camera([0, 1, 2].map(|k| splat.mean[k] + splat.velocity[k] * elapsed)).map(f64::from);
         let focal = [pinhole.fx, pinhole.fy].map(f64::from);
         (z > 0.0).then(|| [focal[0] * x / z + f64::from(pinhole.cx), focal[1] * y / z + f64::from(pinhole.cy)])
     };
@@ -129,7 +130,8 @@ fn attribute(before: &LossMap, after: &LossMap, width: usize, members: &[(usize,
             let mut sums = vec![0.0_f64; members.len()];
             for (x, (before, after)) in before.iter().zip(after).enumerate().filter(|(_, (b, a))| b != a) {
                 let distance = |place: &[f64; 2]| (x as f64 + 0.5 - place[0]).hypot(y as f64 + 0.5 - place[1]);
-                let nearest = (0..members.len()).min_by(|&a, &b| distance(&members[a].1).total_cmp(&distance(&members[b].1)));
+                let nearest =
+                    (0..members.len()).min_by(|&a, &b| distance(&members[a].1).total_cmp(&distance(&members[b].1)));
                 if let Some(nearest) = nearest {
                     sums[nearest] += f64::from(*after) - f64::from(*before);
                 }

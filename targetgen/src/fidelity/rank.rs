@@ -28,7 +28,8 @@ pub fn rank_correlation(a: &[f64], b: &[f64]) -> Correlation {
 
 /// Share of pairs whose signs agree, of those of which neither is 0.
 pub fn sign_agreement(a: &[f64], b: &[f64]) -> f64 {
-    let pairs: Vec<bool> = a.iter().zip(b).filter(|(a, b)| **a != 0.0 && **b != 0.0).map(|(a, b)| a * b > 0.0).collect();
+    let pairs: Vec<bool> =
+        a.iter().zip(b).filter(|(a, b)| **a != 0.0 && **b != 0.0).map(|(a, b)| a * b > 0.0).collect();
     pairs.iter().filter(|agree| **agree).count() as f64 / pairs.len().max(1) as f64
 }
 

@@ -30,8 +30,7 @@ pub struct Row {
 pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
     let mut rows = Vec::new();
     for measured in &sample.signals {
-        for (action, delta, truth) in
-            [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
+        for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
         {
             let Correlation { value, error } = rank_correlation(delta, truth);
             rows.push(Row {
@@ -50,7 +49,10 @@ pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
 
 /// The rows as text.
 pub fn table(title: &str, rows: &[Row]) -> String {
-    let mut text = format!("{title}\n  {:<20} {:<6} {:>5}  {:>14}  {:>5}  {:>7}\n", "signal", "action", "n", "rank corr.", "sign", "helpful");
+    let mut text = format!(
+        "{title}\n  {:<20} {:<6} {:>5}  {:>14}  {:>5}  {:>7}\n",
+        "signal", "action", "n", "rank corr.", "sign", "helpful"
+    );
     for row in rows {
         // writing to a String cannot fail
         let _ = writeln!(
@@ -72,8 +74,7 @@ pub fn table(title: &str, rows: &[Row]) -> String {
 pub fn pictures(title: &str, sample: &Sample, effects: &Effects) -> Vec<(String, String)> {
     let mut pictures = Vec::new();
     for measured in &sample.signals {
-        for (action, delta, truth) in
-            [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
+        for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
         {
             let (x, y) = (spread(delta), spread(truth));
             let x = Axis { name: "delta (signal)", low: -x, high: x };

@@ -62,7 +62,8 @@ fn of_folder(folder: &Path) -> Result<Vec<PathBuf>> {
 fn named(paths: Vec<PathBuf>) -> Vec<JobClip> {
     let mut taken: BTreeMap<String, usize> = BTreeMap::new();
     let name_of = |path: &Path| -> String {
-        let canonical = || std::fs::canonicalize(path).ok()?.file_name().map(|name| name.to_string_lossy().into_owned());
+        let canonical =
+            || std::fs::canonicalize(path).ok()?.file_name().map(|name| name.to_string_lossy().into_owned());
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).or_else(canonical);
         let plain = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
         name.unwrap_or_else(|| "clip".to_owned()).chars().map(plain).take(MAX_NAME).collect()

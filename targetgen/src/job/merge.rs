@@ -76,7 +76,9 @@ fn shares(folders: &[PathBuf]) -> Result<Vec<Share>> {
             }
             let manifest = Manifest::read(&file)?;
             match manifest.part {
-                Some(part) if part_file(part) == name => shares.push(Share { folder: folder.clone(), file, manifest, part }),
+                Some(part) if part_file(part) == name => {
+                    shares.push(Share { folder: folder.clone(), file, manifest, part })
+                }
                 _ => {
                     let found = manifest.part.map_or("none".to_owned(), part_file);
                     return Err(FormatError::invalid(&file, "part", "that of the file's name", found).into());
@@ -97,7 +99,8 @@ fn check(shares: &[Share]) -> Result<()> {
     let first = &shares[0];
     for share in shares {
         let differs = |field: &str, expected: String, found: String| {
-            Err(FormatError::invalid(&share.file, field, format!("{expected}, as in {}", first.file.display()), found).into())
+            Err(FormatError::invalid(&share.file, field, format!("{expected}, as in {}", first.file.display()), found)
+                .into())
         };
         let text = |manifest: &Manifest| serde_json::to_string(&manifest.config).unwrap_or_default();
         if share.manifest.config != first.manifest.config {
@@ -108,7 +111,11 @@ fn check(shares: &[Share]) -> Result<()> {
         }
         if share.manifest.clips != first.manifest.clips {
             let count = |manifest: &Manifest| format!("{} clips", manifest.clips.len());
-            return differs("clips", format!("the same {}", count(&first.manifest)), format!("others, {}", count(&share.manifest)));
+            return differs(
+                "clips",
+                format!("the same {}", count(&first.manifest)),
+                format!("others, {}", count(&share.manifest)),
+            );
         }
     }
     for index in 1..=first.part.count {

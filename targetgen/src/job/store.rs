@@ -5,7 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use lgs_formats::error::FormatError;
-use lgs_formats::targets::{EncodedClip, MANIFEST_FILE, Manifest, Part, Shard, TargetsConfig, WrittenShard, write_shard};
+use lgs_formats::targets::{
+    EncodedClip, MANIFEST_FILE, Manifest, Part, Shard, TargetsConfig, WrittenShard, write_shard,
+};
 
 use crate::error::{Result, TargetError};
 

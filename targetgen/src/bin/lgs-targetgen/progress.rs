@@ -57,7 +57,10 @@ impl Teller {
             None => {
                 let passed = self.start.elapsed().as_secs_f64();
                 let left = passed / self.tried as f64 * (self.todo - self.tried.min(self.todo)) as f64;
-                say(&format!("{}/{} {clip}: {what}; {passed:.0} s passed, about {left:.0} s left", self.tried, self.todo));
+                say(&format!(
+                    "{}/{} {clip}: {what}; {passed:.0} s passed, about {left:.0} s left",
+                    self.tried, self.todo
+                ));
             }
         }
     }

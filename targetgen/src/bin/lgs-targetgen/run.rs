@@ -135,12 +135,17 @@ fn text(summary: &Summary, manifest: &Manifest, out: &Path) -> String {
     let sampled = percent(summary.sampled, summary.primitives);
     line(&mut text, "primitives", &format!("{}, {sampled:.1} % of them sampled", summary.primitives));
     for (name, action) in [("prune", &summary.prune), ("add", &summary.add)] {
-        let above = action.above.iter().zip(THRESHOLDS).map(|(&n, t)| format!("y > {t}: {:.2} %", percent(n, action.valid)));
+        let above =
+            action.above.iter().zip(THRESHOLDS).map(|(&n, t)| format!("y > {t}: {:.2} %", percent(n, action.valid)));
         let shares = above.collect::<Vec<_>>().join("  ");
         line(&mut text, name, &format!("{:.1} % valid  {shares}", percent(action.valid, summary.sampled)));
     }
     let bytes: u64 = manifest.shards.iter().map(|shard| shard.bytes).sum();
-    line(&mut text, "written to", &format!("{}: {} shards, {:.1} MB", out.display(), manifest.shards.len(), bytes as f64 / 1e6));
+    line(
+        &mut text,
+        "written to",
+        &format!("{}: {} shards, {:.1} MB", out.display(), manifest.shards.len(), bytes as f64 / 1e6),
+    );
     text
 }
 
@@ -151,7 +156,11 @@ fn times(outcome: &Outcome) -> String {
         let stages = outcome.seconds.by_stage().map(|(name, spent)| format!("{name} {:.0} %", 100.0 * spent / total));
         let per_hour = 3600.0 * outcome.done_now as f64 / total;
         let per_pass = 1e3 * outcome.seconds.render / outcome.passes.max(1) as f64;
-        line(&mut text, "this run", &format!("{} clips, {per_hour:.0} an hour, {per_pass:.0} ms a pass", outcome.done_now));
+        line(
+            &mut text,
+            "this run",
+            &format!("{} clips, {per_hour:.0} an hour, {per_pass:.0} ms a pass", outcome.done_now),
+        );
         line(&mut text, "", &stages.join("  "));
     }
     let memory = allocator::peak_rss_mb().map_or("unknown".to_owned(), |mb| format!("{mb:.0} MB"));

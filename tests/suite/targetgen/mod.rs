@@ -1,0 +1,17 @@
+//! Training targets: signals against their twins and against reasoning, the job against interruptions.
+
+mod closed_form;
+mod edges;
+mod interruptions;
+mod job;
+mod problems;
+mod twin;
+
+use libtest_mimic::Trial;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    [twin::cases(), closed_form::cases(), edges::cases(), job::cases(), interruptions::cases()]
+        .into_iter()
+        .flatten()
+        .collect()
+}
