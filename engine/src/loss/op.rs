@@ -5,6 +5,7 @@ use std::sync::Arc;
 use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
 
 use super::{LossWeights, image_loss};
+use crate::ops::tensors::slice;
 use crate::render::Rendered;
 use crate::render::constants::EXPECTED_DEPTH_EPS;
 use crate::render::op::CHANNELS;
@@ -57,10 +58,7 @@ impl CustomOp1 for LossOp {
 
     #[expect(clippy::cast_possible_truncation, reason = "tensors are f32")]
     fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {
-        let Some((start, end)) = layout.contiguous_offsets() else {
-            candle_core::bail!("loss: expected a contiguous image")
-        };
-        let rendered = self.rendered(&storage.as_slice::<f32>()?[start..end]);
+        let rendered = self.rendered(slice(storage, layout)?);
         let (terms, _) = image_loss(&rendered, &self.view, &self.weights);
         Ok((CpuStorage::F32(vec![terms.total as f32]), Shape::from(())))
     }

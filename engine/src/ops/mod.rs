@@ -11,6 +11,6 @@ pub mod serialization;
 pub mod sparse_conv;
 
 pub(crate) mod lanes;
-mod tensors;
+pub(crate) mod tensors;
 #[cfg(test)]
 mod test_support;

@@ -6,6 +6,7 @@ use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
 use rayon::prelude::*;
 
 use super::knn::NO_NEIGHBOUR;
+use super::tensors::{slice, with_values};
 
 /// Mean over the existing neighbours of every row; zeros where there is none.
 ///
@@ -61,10 +62,7 @@ impl CustomOp1 for NeighbourMean {
     }
 
     fn cpu_fwd(&self, storage: &CpuStorage, layout: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {
-        let Some((start, end)) = layout.contiguous_offsets() else {
-            candle_core::bail!("neighbour mean: expected a contiguous tensor")
-        };
-        let features = &storage.as_slice::<f32>()?[start..end];
+        let features = slice(storage, layout)?;
         let mut out = vec![0.0_f32; features.len()];
         neighbour_mean_into(features, &self.neighbours, self.k, self.width, &mut out);
         Ok((CpuStorage::F32(out), layout.shape().clone()))
@@ -72,7 +70,6 @@ impl CustomOp1 for NeighbourMean {
 
     /// Every row gathers from the rows whose mean it took part in, in their order.
     fn bwd(&self, features: &Tensor, _mean: &Tensor, gradient: &Tensor) -> candle_core::Result<Option<Tensor>> {
-        let v_mean = gradient.flatten_all()?.to_vec1::<f32>()?;
         let rows = features.dim(0)?;
         let mut first = vec![0_usize; rows + 1];
         for &j in self.neighbours.iter().filter(|&&j| j != NO_NEIGHBOUR) {
@@ -91,13 +88,16 @@ impl CustomOp1 for NeighbourMean {
                 next[j as usize] += 1;
             }
         }
-        let mut v_features = vec![0.0_f32; v_mean.len()];
-        v_features.par_chunks_exact_mut(self.width.max(1)).enumerate().for_each(|(j, row)| {
-            for &(i, share) in &users[first[j]..first[j + 1]] {
-                let v = &v_mean[i * self.width..][..self.width];
-                row.iter_mut().zip(v).for_each(|(r, v)| *r += share * v);
-            }
-        });
+        let v_features = with_values([gradient], |[v_mean]| {
+            let mut v_features = vec![0.0_f32; v_mean.len()];
+            v_features.par_chunks_exact_mut(self.width.max(1)).enumerate().for_each(|(j, row)| {
+                for &(i, share) in &users[first[j]..first[j + 1]] {
+                    let v = &v_mean[i * self.width..][..self.width];
+                    row.iter_mut().zip(v).for_each(|(r, v)| *r += share * v);
+                }
+            });
+            Ok(v_features)
+        })?;
         Ok(Some(Tensor::from_vec(v_features, features.shape(), features.device())?))
     }
 }

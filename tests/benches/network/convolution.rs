@@ -58,9 +58,9 @@ fn gradient_by_weights(bencher: Bencher, channels: usize) {
     let load = &*LOAD;
     let features = values(load.sites.len() * channels, 1);
     let v_out = values(load.sites.len() * channels, 2);
-    bencher.counter(operations(&load.map, channels)).bench_local(|| {
-        by_weights(&features, &v_out, &load.map, channels, channels)
-    });
+    bencher
+        .counter(operations(&load.map, channels))
+        .bench_local(|| by_weights(&features, &v_out, &load.map, channels, channels));
 }
 
 /// Forward and both gradients as training calls them, with what candle does between.
@@ -86,9 +86,9 @@ fn twin(bencher: Bencher, channels: usize) {
     let double = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
     let features = double(values(sites.len() * channels, 1));
     let weight = double(weight(channels));
-    bencher.counter(operations(&map, channels)).bench_local(|| {
-        reference::convolve((sites.coords(), &features), sites.coords(), &weight, 3, 1)
-    });
+    bencher
+        .counter(operations(&map, channels))
+        .bench_local(|| reference::convolve((sites.coords(), &features), sites.coords(), &weight, 3, 1));
 }
 
 fn weight(channels: usize) -> Vec<f32> {

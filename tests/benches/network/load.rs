@@ -1,5 +1,6 @@
 //! What is measured: voxels of a driving-like street and made-up features.
 
+use std::io::Write as _;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
@@ -30,8 +31,17 @@ pub(crate) struct Load {
 pub(crate) static LOAD: LazyLock<Load> = LazyLock::new(|| {
     let sites = sites(NUM_SITES);
     let map = Arc::new(KernelMap::submanifold(&sites, 3).unwrap());
+    note(&map);
     Load { sites, map }
 });
+
+/// Tells the sites and pairs that a figure stands for.
+pub(crate) fn note(map: &KernelMap) {
+    let (sites, pairs) = (map.num_outputs(), map.num_pairs());
+    let line = format!("{sites} sites, {:.2} pairs a site under 3^3", pairs as f64 / sites.max(1) as f64);
+    // A note that cannot be written changes no figure.
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
 
 /// The first `count` sites of the street.
 pub(crate) fn sites(count: usize) -> Sites {

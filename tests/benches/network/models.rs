@@ -9,14 +9,14 @@ use divan::counter::ItemsCount;
 use lgs_engine::network::buffers::Buffers;
 use lgs_engine::network::config::ModelConfig;
 use lgs_engine::network::levels::{Levels, voxels_of};
-use lgs_engine::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry, Policy};
+use lgs_engine::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry, Policy, StageConfig};
 use lgs_engine::network::query::Query;
 use lgs_engine::network::unet::{FoldedUNet, UNet};
 use lgs_engine::network::weights::RandomWeights;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::ops::sparse_conv::{KernelMap, Sites};
 
-use crate::load::{full, kitti, sites, values};
+use crate::load::{full, kitti, note, sites, values};
 use crate::street::{Street, VOXEL_SIZE};
 
 const UNET_INPUTS: usize = 15;
@@ -74,6 +74,7 @@ fn whole_unet(bencher: Bencher, points: &[[f32; 3]]) {
     let unet = unet();
     let voxels = voxels_of(points.iter().copied(), VOXEL_SIZE).unwrap();
     let levels = Levels::new(&voxels, CONFIG.unet.num_levels()).unwrap();
+    note(&levels.levels[0].submanifold);
     let features = values(levels.sites.len() * UNET_INPUTS, 1);
     let mut buffers = Buffers::default();
     bencher.counter(ItemsCount::new(operations_of_unet(&levels))).bench_local(|| {
@@ -102,14 +103,40 @@ fn pyramid_of_street_points(bencher: Bencher) {
     bencher.bench(|| Levels::new(&voxels, CONFIG.unet.num_levels()));
 }
 
+/// Multiplications and additions of the policy over sites.
+fn operations_of_policy(sites: &Sites) -> usize {
+    let config = CONFIG.policy.as_ref().unwrap();
+    let mut sum = KernelMap::submanifold(sites, 5).unwrap().num_pairs() * policy_inputs() * config.encoder[0].channels;
+    let mut stage_sites = sites.clone();
+    for (s, stage) in config.encoder.iter().enumerate() {
+        let pairs = KernelMap::submanifold(&stage_sites, 3).unwrap().num_pairs();
+        let finer = stage_sites.len();
+        let blocks = |stage: &StageConfig| {
+            let dense = (4 + 2 * config.mlp_ratio) * stage.channels + 2 * config.patch;
+            stage.blocks * (pairs * stage.channels + finer * dense) * stage.channels
+        };
+        sum += blocks(stage) + config.decoder.get(s).map_or(0, blocks);
+        if let Some(next) = config.encoder.get(s + 1) {
+            stage_sites = stage_sites.halved().unwrap().0;
+            sum += finer * stage.channels * next.channels;
+            let above = config.decoder.get(s + 1).unwrap_or(next).channels;
+            let decoder = config.decoder[s];
+            sum += (finer * stage.channels + stage_sites.len() * above) * decoder.channels;
+        }
+    }
+    let hidden = config.decoder[0].channels + (config.head_blocks - 1) * config.head_width + 1;
+    2 * (sum + 2 * sites.len() * hidden * config.head_width)
+}
+
 /// Geometry and both scores, given the map of the finest level that the backbone has made.
 fn whole_policy(bencher: Bencher, sites: &Sites) {
     let policy = policy();
     let config = CONFIG.policy.as_ref().unwrap();
     let maps = [std::sync::Arc::new(KernelMap::submanifold(sites, 3).unwrap())];
+    note(&maps[0]);
     let features = values(sites.len() * policy_inputs(), 1);
     let mut buffers = Buffers::default();
-    bencher.counter(ItemsCount::new(sites.len())).bench_local(|| {
+    bencher.counter(ItemsCount::new(operations_of_policy(sites))).bench_local(|| {
         let geometry = Geometry::new(sites, &maps, config).unwrap();
         policy.scores(&features, &geometry, &mut buffers).unwrap()
     });

@@ -91,8 +91,7 @@ impl Street {
             let elevation = (LOWEST_DEG + (HIGHEST_DEG - LOWEST_DEG) * share).to_radians();
             for column in 0..NUM_COLUMNS {
                 let azimuth = std::f64::consts::TAU * column as f64 / NUM_COLUMNS as f64;
-                let direction =
-                    [elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin()];
+                let direction = [elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin()];
                 if let Some(distance) = self.distance(origin, direction) {
                     let distance = distance + NOISE * self.random.normal();
                     points.push([0, 1, 2].map(|axis| (origin[axis] + distance * direction[axis]) as f32));

@@ -8,12 +8,8 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::NO_NEIGHBOUR;
+use super::batch::Batch;
 use super::tree::{LEAF, Leaf, Node, Tree};
-
-/// A neighbour found: squared distance, index. Nothing found yet: infinity, [`NO_NEIGHBOUR`].
-type Found = (f64, u32);
-
-const NOTHING: Found = (f64::INFINITY, NO_NEIGHBOUR);
 
 /// `[N, k]` indices of the nearest points of other groups.
 pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> {
@@ -32,74 +28,6 @@ pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> 
         row.copy_from_slice(&by_place[place as usize * k..][..k]);
     });
     indices
-}
-
-/// What has been found for the points of one leaf.
-#[derive(Debug)]
-struct Batch {
-    k: usize,
-    /// `[LEAF, k]` nearest first.
-    found: Vec<Found>,
-    /// The k-th of every point; what is not below it is of no use.
-    last: [Found; LEAF],
-    /// f32 squared distances above this are surely above the k-th; negative for a slot without a point.
-    limits: [f32; LEAF],
-    /// The largest of `last`.
-    worst: Found,
-    /// Nodes to visit and what their points can reach at best.
-    stack: Vec<(u32, Found)>,
-}
-
-impl Batch {
-    fn new(k: usize) -> Self {
-        Self {
-            k,
-            found: vec![NOTHING; LEAF * k],
-            last: [NOTHING; LEAF],
-            limits: [0.0; LEAF],
-            worst: NOTHING,
-            stack: Vec::new(),
-        }
-    }
-
-    fn start(&mut self, leaf: &Leaf) {
-        self.found.fill(NOTHING);
-        for slot in 0..LEAF {
-            let present = leaf.indices[slot] != NO_NEIGHBOUR;
-            self.last[slot] = if present { NOTHING } else { (-1.0, 0) };
-            self.limits[slot] = if present { f32::INFINITY } else { -1.0 };
-        }
-        self.worst = NOTHING;
-        self.stack.clear();
-    }
-
-    /// Inserts a candidate that comes before the k-th.
-    #[inline(always)]
-    fn insert(&mut self, slot: usize, candidate: Found) {
-        let found = &mut self.found[slot * self.k..(slot + 1) * self.k];
-        let mut place = found.len() - 1;
-        while place > 0 && candidate < found[place - 1] {
-            found[place] = found[place - 1];
-            place -= 1;
-        }
-        found[place] = candidate;
-        self.last[slot] = found[self.k - 1];
-        self.limits[slot] = limit(self.last[slot].0);
-    }
-
-    fn update_worst(&mut self) {
-        self.worst = self.last.iter().fold((-1.0, 0), |worst, &last| if last > worst { last } else { worst });
-    }
-}
-
-/// An f32 squared distance above this belongs to an f64 squared distance above `squared`.
-///
-/// Rounding changes the difference of two f32 by 2^-24 of itself, the sum of the squares by less than 5e-7 of itself or, where squares
-/// underflow, by less than 1e-37.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "rounded; the margin covers it")]
-fn limit(squared: f64) -> f32 {
-    squared as f32 * 1.000_001 + 1e-37
 }
 
 struct SearchLeaf<'a> {

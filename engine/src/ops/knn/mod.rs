@@ -2,6 +2,7 @@
 //!
 //! Host only: indices have no gradient. The tree is built once per call; leaves are queried in parallel, each result in its own slot.
 
+mod batch;
 mod cpu;
 pub mod reference;
 mod tree;

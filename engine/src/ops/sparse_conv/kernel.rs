@@ -88,25 +88,9 @@ pub fn convolve_into(
         || vec![0.0_f32; (BLOCK + 1) * stride],
         |sums, (block, out)| {
             sums.fill(0.0);
-            arch.dispatch(BlockSums { features, zeros: &zeros, weights, map, block, sums });
-            store(sums, stride, weights.cout, (block * BLOCK, epilogue), out);
+            arch.dispatch(BlockSums { features, zeros: &zeros, weights, map, block, epilogue, sums, out });
         },
     );
-}
-
-fn store(sums: &[f32], stride: usize, cout: usize, (first, epilogue): (usize, &Epilogue<'_>), out: &mut [f32]) {
-    for (i, (row, sums)) in out.chunks_exact_mut(cout).zip(sums.chunks_exact(stride)).enumerate() {
-        row.copy_from_slice(&sums[..cout]);
-        if let Some(bias) = epilogue.bias {
-            row.iter_mut().zip(bias).for_each(|(v, b)| *v += b);
-        }
-        if let Some(residual) = epilogue.residual {
-            row.iter_mut().zip(&residual[(first + i) * cout..]).for_each(|(v, r)| *v += r);
-        }
-        if epilogue.relu {
-            row.iter_mut().for_each(|v| *v = v.max(0.0));
-        }
-    }
 }
 
 struct BlockSums<'a> {
@@ -115,7 +99,10 @@ struct BlockSums<'a> {
     weights: &'a PackedWeights,
     map: &'a KernelMap,
     block: usize,
+    epilogue: &'a Epilogue<'a>,
+    /// `[BLOCK + 1, cout]` padded to whole panels; the last row takes what belongs nowhere.
     sums: &'a mut [f32],
+    out: &'a mut [f32],
 }
 
 impl WithSimd for BlockSums<'_> {
@@ -130,10 +117,31 @@ impl WithSimd for BlockSums<'_> {
             4 => self.run::<S, 8, 3>(simd),
             _ => self.run_by_value(),
         }
+        self.store();
     }
 }
 
 impl BlockSums<'_> {
+    #[inline(always)]
+    fn store(&mut self) {
+        let cout = self.weights.cout;
+        let stride = cout.div_ceil(PANEL) * PANEL;
+        let Epilogue { bias, residual, relu } = *self.epilogue;
+        for (i, (row, sums)) in self.out.chunks_exact_mut(cout).zip(self.sums.chunks_exact(stride)).enumerate() {
+            row.copy_from_slice(&sums[..cout]);
+            if let Some(bias) = bias {
+                row.iter_mut().zip(bias).for_each(|(v, b)| *v += b);
+            }
+            if let Some(residual) = residual {
+                let residual = &residual[(self.block * BLOCK + i) * cout..][..cout];
+                row.iter_mut().zip(residual).for_each(|(v, r)| *v += r);
+            }
+            if relu {
+                row.iter_mut().for_each(|v| *v = v.max(0.0));
+            }
+        }
+    }
+
     #[inline(always)]
     fn run<S: Simd, const VECTORS: usize, const ROWS: usize>(&mut self, simd: S) {
         let stride = self.weights.cout.div_ceil(PANEL) * VECTORS;

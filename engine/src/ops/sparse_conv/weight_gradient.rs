@@ -51,13 +51,21 @@ pub fn by_weights(features: &[f32], v_out: &[f32], map: &KernelMap, cin: usize, 
             sums
         })
         .collect();
-    for (offsets, sums) in groups.iter().zip(sums.chunks_exact(pieces.len().max(1))) {
-        for (i, offset) in offsets.clone().enumerate() {
-            for (c, k) in (0..cout).flat_map(|c| (0..cin).map(move |k| (c, k))) {
-                let sum: f64 = sums.iter().map(|piece| piece[i * size + k * columns + c]).sum();
-                result[(c * map.num_offsets + offset) * cin + k] = single(sum);
+    let totals: Vec<Vec<f64>> = (0..map.num_offsets)
+        .into_par_iter()
+        .map(|offset| {
+            let first = offset / together * pieces.len();
+            let at = offset % together * size;
+            let mut total = vec![0.0_f64; size];
+            for piece in &sums[first..first + pieces.len()] {
+                total.iter_mut().zip(&piece[at..at + size]).for_each(|(sum, v)| *sum += v);
             }
-        }
+            total
+        })
+        .collect();
+    for (i, row) in result.chunks_exact_mut(cin).enumerate() {
+        let (c, offset) = (i / map.num_offsets, i % map.num_offsets);
+        row.iter_mut().zip(totals[offset][c..].iter().step_by(columns)).for_each(|(v, &sum)| *v = single(sum));
     }
     result
 }
@@ -142,14 +150,8 @@ impl Piece<'_> {
         sums: &mut [f32],
     ) {
         let vectors = self.cout.next_multiple_of(COLUMNS) / S::F32_LANES;
-        let pairs = Pairs {
-            inputs,
-            outputs,
-            features: self.features,
-            cin: self.cin,
-            rows: S::as_simd_f32s(rows).0,
-            vectors,
-        };
+        let pairs =
+            Pairs { inputs, outputs, features: self.features, cin: self.cin, rows: S::as_simd_f32s(rows).0, vectors };
         let sums = S::as_mut_simd_f32s(sums).0;
         for column in (0..vectors).step_by(2) {
             let mut first = 0;
