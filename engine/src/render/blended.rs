@@ -88,7 +88,7 @@ impl WithSimd for TileSums<'_> {
         let Self { lists, tile, stops, planes, out } = self;
         let origin = lists.grid.origin(tile);
         let broadcast = Broadcast::new(simd);
-        let (maps, transmittance) = S::as_mut_simd_f32s(planes).0.split_at_mut(MAPS * TILE_PIXELS / S::F32_LANES);
+        let planes = S::as_mut_simd_f32s(planes).0;
         let stops = S::as_simd_f32s(stops).0;
         let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
         for (position, (&entry, out)) in lists.entries_of(tile).iter().zip(out).enumerate() {
@@ -96,7 +96,7 @@ impl WithSimd for TileSums<'_> {
                 return;
             }
             let footprint = &lists.footprints[entry as usize];
-            *out = gather(simd, &broadcast, (&*maps, stops, &mut *transmittance), footprint, &origin, position as f32);
+            *out = gather(simd, &broadcast, (&mut *planes, stops), footprint, &origin, position as f32);
         }
     }
 }
@@ -106,13 +106,14 @@ impl WithSimd for TileSums<'_> {
 fn gather<S: Simd>(
     simd: S,
     broadcast: &Broadcast<S>,
-    (maps, stops, transmittance): (&[S::f32s], &[S::f32s], &mut [S::f32s]),
+    (planes, stops): (&mut [S::f32s], &[S::f32s]),
     f: &Footprint,
     origin: &[usize; 2],
     position: f32,
 ) -> Sums {
     let per_plane = TILE_PIXELS / S::F32_LANES;
     let per_row = TILE_WIDTH / S::F32_LANES;
+    let (maps, transmittance) = planes.split_at_mut(MAPS * per_plane);
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
     let position = simd.splat_f32s(position);
     let mut sums = [zero; MAPS];

@@ -40,10 +40,9 @@ pub fn merge(folders: &[PathBuf], out: &Path, shard_bytes: u64) -> Result<Manife
             record.verify(&share.folder)?;
             let shard = Shard::read(&path)?;
             for (i, name) in shard.names().iter().enumerate() {
-                if store.clip_path(name) != path && !packed(name) {
-                    if let Some(encoded) = shard.encoded(i) {
-                        store.put(name, &encoded)?;
-                    }
+                let missing = store.clip_path(name) != path && !packed(name);
+                if let Some(encoded) = shard.encoded(i).filter(|_| missing) {
+                    store.put(name, &encoded)?;
                 }
             }
         }

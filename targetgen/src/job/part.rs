@@ -17,7 +17,8 @@ pub fn choose_part(flag: Option<Part>, variable: &dyn Fn(&str) -> Option<String>
     }
     let number = |name: &str| -> Result<usize> {
         let text = variable(name).unwrap_or_default();
-        text.parse().map_err(|_| TargetError::setting(name, "a number, or --part I/N", format!("{text:?}")))
+        let number = text.parse().ok();
+        number.ok_or_else(|| TargetError::setting(name, "a number, or --part I/N", format!("{text:?}")))
     };
     if variable("SLURM_ARRAY_TASK_ID").is_some() {
         let (id, min, count) =
