@@ -1,11 +1,11 @@
 //! What is measured: voxels of a driving-like street and made-up features.
 
-use std::io::Write as _;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 use lgs_engine::error::Result;
 use lgs_engine::network::config::ModelConfig;
+use lgs_engine::network::levels::voxels_of;
 use lgs_engine::ops::sparse_conv::{KernelMap, Sites};
 use lgs_engine::points::aggregate;
 use lgs_engine::views::ClipFrame;
@@ -13,10 +13,13 @@ use lgs_formats::clip_dir::ClipDir;
 use lgs_tests::places;
 use lgs_tests::random::Random;
 
-use crate::street::Street;
+use crate::street::{Street, VOXEL_SIZE};
 
 /// Sites of the measured convolutions.
 pub(crate) const NUM_SITES: usize = 500_000;
+
+/// Seed of the street.
+pub(crate) const SEED: u64 = 5;
 
 /// Sites of a street and the map of their 3^3 submanifold convolution.
 #[derive(Debug)]
@@ -31,21 +34,33 @@ pub(crate) struct Load {
 pub(crate) static LOAD: LazyLock<Load> = LazyLock::new(|| {
     let sites = sites(NUM_SITES);
     let map = Arc::new(KernelMap::submanifold(&sites, 3).unwrap());
-    note(&map);
     Load { sites, map }
 });
 
-/// Tells the sites and pairs that a figure stands for.
-pub(crate) fn note(map: &KernelMap) {
-    let (sites, pairs) = (map.num_outputs(), map.num_pairs());
-    let line = format!("{sites} sites, {:.2} pairs a site under 3^3", pairs as f64 / sites.max(1) as f64);
-    // A note that cannot be written changes no figure.
-    let _ = writeln!(std::io::stderr(), "{line}");
+/// The sites and pairs that the figures stand for, a line for each cloud.
+pub(crate) fn described() -> Result<String> {
+    let mut text = String::new();
+    let mut add = |name: &str, sites: &Sites| -> Result<()> {
+        let pairs = KernelMap::submanifold(sites, 3)?.num_pairs() as f64 / sites.len().max(1) as f64;
+        text += &format!("{name}: {} sites, {pairs:.2} pairs a site under 3^3\n", sites.len());
+        Ok(())
+    };
+    add("street sites", &LOAD.sites)?;
+    add("street points", &sites_of(&Street::new(SEED).points(NUM_SITES))?)?;
+    if let Some(points) = kitti(NUM_SITES) {
+        add("KITTI points", &sites_of(&points)?)?;
+    }
+    Ok(text)
+}
+
+/// The sites of points.
+pub(crate) fn sites_of(points: &[[f32; 3]]) -> Result<Sites> {
+    Ok(Sites::unique(&voxels_of(points.iter().copied(), VOXEL_SIZE)?)?.0)
 }
 
 /// The first `count` sites of the street.
 pub(crate) fn sites(count: usize) -> Sites {
-    Sites::unique(&Street::new(5).voxels(count).unwrap()).unwrap().0
+    Sites::unique(&Street::new(SEED).voxels(count).unwrap()).unwrap().0
 }
 
 /// Normal values.

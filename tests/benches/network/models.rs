@@ -16,7 +16,7 @@ use lgs_engine::network::weights::RandomWeights;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::ops::sparse_conv::{KernelMap, Sites};
 
-use crate::load::{full, kitti, note, sites, values};
+use crate::load::{SEED, full, kitti, sites, sites_of, values};
 use crate::street::{Street, VOXEL_SIZE};
 
 const UNET_INPUTS: usize = 15;
@@ -74,7 +74,6 @@ fn whole_unet(bencher: Bencher, points: &[[f32; 3]]) {
     let unet = unet();
     let voxels = voxels_of(points.iter().copied(), VOXEL_SIZE).unwrap();
     let levels = Levels::new(&voxels, CONFIG.unet.num_levels()).unwrap();
-    note(&levels.levels[0].submanifold);
     let features = values(levels.sites.len() * UNET_INPUTS, 1);
     let mut buffers = Buffers::default();
     bencher.counter(ItemsCount::new(operations_of_unet(&levels))).bench_local(|| {
@@ -87,7 +86,7 @@ fn whole_unet(bencher: Bencher, points: &[[f32; 3]]) {
 
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn unet_of_street_points(bencher: Bencher) {
-    whole_unet(bencher, &Street::new(5).points(NUM_POINTS));
+    whole_unet(bencher, &Street::new(SEED).points(NUM_POINTS));
 }
 
 #[divan::bench(sample_count = 5, sample_size = 1)]
@@ -99,7 +98,7 @@ fn unet_of_kitti_points(bencher: Bencher) {
 
 #[divan::bench(sample_count = 5, sample_size = 1)]
 fn pyramid_of_street_points(bencher: Bencher) {
-    let voxels = voxels_of(Street::new(5).points(NUM_POINTS).into_iter(), VOXEL_SIZE).unwrap();
+    let voxels = voxels_of(Street::new(SEED).points(NUM_POINTS).into_iter(), VOXEL_SIZE).unwrap();
     bencher.bench(|| Levels::new(&voxels, CONFIG.unet.num_levels()));
 }
 
@@ -133,7 +132,6 @@ fn whole_policy(bencher: Bencher, sites: &Sites) {
     let policy = policy();
     let config = CONFIG.policy.as_ref().unwrap();
     let maps = [std::sync::Arc::new(KernelMap::submanifold(sites, 3).unwrap())];
-    note(&maps[0]);
     let features = values(sites.len() * policy_inputs(), 1);
     let mut buffers = Buffers::default();
     bencher.counter(ItemsCount::new(operations_of_policy(sites))).bench_local(|| {
@@ -149,13 +147,13 @@ fn policy_of_street_sites(bencher: Bencher, count: usize) {
 
 #[divan::bench(args = [100_000, 500_000], sample_count = 5, sample_size = 1)]
 fn policy_of_street_points(bencher: Bencher, count: usize) {
-    whole_policy(bencher, &sites_of(&Street::new(5).points(count)));
+    whole_policy(bencher, &sites_of(&Street::new(SEED).points(count)).unwrap());
 }
 
 #[divan::bench(args = [100_000, 500_000], sample_count = 5, sample_size = 1)]
 fn policy_of_kitti_points(bencher: Bencher, count: usize) {
     if let Some(points) = kitti(count) {
-        whole_policy(bencher, &sites_of(&points));
+        whole_policy(bencher, &sites_of(&points).unwrap());
     }
 }
 
@@ -191,11 +189,7 @@ fn search_of_street_points(bencher: Bencher) {
 
 /// Points of a street and which of three timestamps each has.
 fn timed_points() -> (Vec<[f32; 3]>, Vec<u32>) {
-    let points = Street::new(5).points(NUM_POINTS);
+    let points = Street::new(SEED).points(NUM_POINTS);
     let times = (0_u32..).map(|i| i / NUM_POINTS_PER_TIME).take(points.len()).collect();
     (points, times)
-}
-
-fn sites_of(points: &[[f32; 3]]) -> Sites {
-    Sites::unique(&voxels_of(points.iter().copied(), VOXEL_SIZE).unwrap()).unwrap().0
 }
