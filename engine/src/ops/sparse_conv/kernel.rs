@@ -12,6 +12,9 @@ use super::map::{BLOCK, KernelMap};
 /// Output channels of a panel.
 pub(super) const PANEL: usize = 32;
 
+/// Vectors of a panel that are summed together.
+const PART: usize = 2;
+
 /// Weights in the order in which the inner loop reads them: `[num_offsets, panels, cin, PANEL]`, padded with zeros.
 #[derive(Clone, Debug)]
 pub struct PackedWeights {
@@ -110,11 +113,11 @@ impl WithSimd for BlockSums<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        // Vectors of a panel and rows of a group: as many sums as the registers hold.
+        // Vectors of a panel; rows of a group times two vectors: as many sums as the registers hold.
         match S::F32_LANES {
             16 => self.run::<S, 2, 6>(simd),
-            8 => self.run::<S, 4, 3>(simd),
-            4 => self.run::<S, 8, 3>(simd),
+            8 => self.run::<S, 4, 6>(simd),
+            4 => self.run::<S, 8, 6>(simd),
             _ => self.run_by_value(),
         }
         self.store();
@@ -152,16 +155,19 @@ impl BlockSums<'_> {
                 continue;
             }
             for panel in 0..self.weights.cout.div_ceil(PANEL) {
-                let weights = S::as_simd_f32s(self.weights.panel(offset, panel)).0;
-                for (inputs, outputs) in inputs.chunks(ROWS).zip(outputs.chunks(ROWS)) {
-                    // Missing rows of the last group read zeros and add to a row that is never stored.
-                    let mut rows = [self.zeros; ROWS];
-                    let mut places = [BLOCK * stride + panel * VECTORS; ROWS];
-                    for (r, (&input, &output)) in inputs.iter().zip(outputs).enumerate() {
-                        rows[r] = &self.features[input as usize * self.weights.cin..][..self.weights.cin];
-                        places[r] = usize::from(output) * stride + panel * VECTORS;
+                let weights = S::as_simd_f32s(self.weights.panel(offset, panel)).0.as_chunks::<VECTORS>().0;
+                for part in (0..VECTORS).step_by(PART) {
+                    let column = panel * VECTORS + part;
+                    for (inputs, outputs) in inputs.chunks(ROWS).zip(outputs.chunks(ROWS)) {
+                        // Missing rows of the last group read zeros and add to a row that is never stored.
+                        let mut rows = [self.zeros; ROWS];
+                        let mut places = [BLOCK * stride + column; ROWS];
+                        for (r, (&input, &output)) in inputs.iter().zip(outputs).enumerate() {
+                            rows[r] = &self.features[input as usize * self.weights.cin..][..self.weights.cin];
+                            places[r] = usize::from(output) * stride + column;
+                        }
+                        multiply::<S, VECTORS, ROWS>(simd, &rows, weights, part, &places, sums);
                     }
-                    multiply::<S, VECTORS, ROWS>(simd, &rows, weights, &places, sums);
                 }
             }
         }
@@ -186,28 +192,29 @@ impl BlockSums<'_> {
     }
 }
 
-/// Adds `rows * weights` to the sums at `places`: `ROWS` rows times one panel.
+/// Adds `rows * weights` to the sums at `places`: `ROWS` rows times the vectors of a panel from `part` on.
 #[inline(always)]
 fn multiply<S: Simd, const VECTORS: usize, const ROWS: usize>(
     simd: S,
     rows: &[&[f32]; ROWS],
-    weights: &[S::f32s],
+    weights: &[[S::f32s; VECTORS]],
+    part: usize,
     places: &[usize; ROWS],
     sums: &mut [S::f32s],
 ) {
-    let mut acc = [[simd.splat_f32s(0.0); VECTORS]; ROWS];
-    let cin = weights.len() / VECTORS;
-    let rows: [&[f32]; ROWS] = std::array::from_fn(|r| &rows[r][..cin]);
-    for (k, panel) in weights.chunks_exact(VECTORS).enumerate() {
+    let mut acc = [[simd.splat_f32s(0.0); PART]; ROWS];
+    let rows: [&[f32]; ROWS] = std::array::from_fn(|r| &rows[r][..weights.len()]);
+    for (k, panel) in weights.iter().enumerate() {
+        let panel = &panel[part..part + PART];
         for r in 0..ROWS {
             let value = simd.splat_f32s(rows[r][k]);
-            for v in 0..VECTORS {
+            for v in 0..PART {
                 acc[r][v] = simd.mul_add_f32s(value, panel[v], acc[r][v]);
             }
         }
     }
     for r in 0..ROWS {
-        for (sum, value) in sums[places[r]..places[r] + VECTORS].iter_mut().zip(acc[r]) {
+        for (sum, value) in sums[places[r]..places[r] + PART].iter_mut().zip(acc[r]) {
             *sum = simd.add_f32s(*sum, value);
         }
     }
