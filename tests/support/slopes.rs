@@ -12,6 +12,8 @@ pub struct Slopes {
     pub directions: usize,
     /// How far the finite difference may be off, as a part of the slope.
     pub tolerance: f64,
+    /// By how much the loss changes over half a difference: more than what f32 hides, less than where the slope bends.
+    pub change: f64,
     /// Seed of the directions.
     pub seed: u64,
 }
@@ -33,7 +35,7 @@ impl Slopes {
                 slope += gradient.iter().zip(&step).map(|(g, s)| f64::from(*g) * f64::from(*s)).sum::<f64>();
                 steps.push(Tensor::from_vec(step, variable.shape(), variable.device()).map_err(failed)?);
             }
-            let length = 2e-4 / slope.abs().max(1e-3);
+            let length = self.change / slope.abs().max(1e-3);
             let measured = difference(variables, &steps, length, loss).map_err(failed)?;
             if (measured - slope).abs() > self.tolerance * slope.abs() || slope == 0.0 {
                 let tolerance = self.tolerance * slope.abs();

@@ -74,16 +74,26 @@ impl Weights {
         Ok(Self { config: config.to_owned(), tensors })
     }
 
-    /// The weights with the ones that residuals and velocities come from negated: a step in the other direction.
+    /// The weights with the heads of the refinement negated: its steps go in the other direction from the same start.
     ///
     /// # Errors
     /// Never.
     pub fn backwards(&self) -> Result<Self, String> {
+        self.with(|name, tensor| if name.contains("refine.heads.") { tensor.neg() } else { Ok(tensor.clone()) })
+    }
+
+    /// The weights with velocity heads of zero: nothing starts to move, which the loss would charge for in either direction.
+    ///
+    /// # Errors
+    /// Never.
+    pub fn at_rest(&self) -> Result<Self, String> {
+        self.with(|name, tensor| if name.contains("heads.velocity") { tensor.zeros_like() } else { Ok(tensor.clone()) })
+    }
+
+    fn with(&self, change: impl Fn(&str, &Tensor) -> candle_core::Result<Tensor>) -> Result<Self, String> {
         let mut other = self.clone();
         for (name, tensor) in &mut other.tensors {
-            if name.contains("heads.gaussian") || name.contains("heads.velocity") {
-                *tensor = tensor.neg().map_err(|e| e.to_string())?;
-            }
+            *tensor = change(name, tensor).map_err(|e| e.to_string())?;
         }
         Ok(other)
     }

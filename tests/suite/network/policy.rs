@@ -170,7 +170,7 @@ fn gradient_is_the_slope() -> Outcome {
     variables.retain(|(name, _)| !name.contains("running"));
     variables.push(("features".to_owned(), features.clone()));
     let loss = || (policy.scores(&features, &input.geometry, true)? * &weights)?.sum_all();
-    Slopes { directions: 6, tolerance: 0.02, seed: 4 }.check(&variables, &loss)
+    Slopes { directions: 6, tolerance: 0.02, change: 2e-4, seed: 4 }.check(&variables, &loss)
 }
 
 /// Scores of both forms and the gradient by the input, with so many threads.

@@ -72,7 +72,7 @@ fn equals_twin(config: &TargetsConfig) -> Outcome {
                     (d, t) => return Err(format!("{name}: delta {d:?}, twin {t:?}").into()),
                 }
                 let (y, want) = (f64::from(y[k]), want_y[k].unwrap_or(0.5));
-                if !((y - want).abs() <= TOLERANCE) {
+                if y.is_nan() || (y - want).abs() > TOLERANCE {
                     return Err(format!("{name}: target {y}, twin {want}").into());
                 }
             }
