@@ -6,7 +6,7 @@
 use lgs_engine::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use lgs_engine::gaussians::{GaussianSet, MEAN};
 use lgs_engine::loss::{LossWeights, image_loss};
-use lgs_engine::render::{Projection, RenderedWithState, backward};
+use lgs_engine::render::{Projection, backward_visible};
 use lgs_engine::views::View;
 use lgs_formats::targets::TargetsConfig;
 
@@ -100,37 +100,41 @@ pub struct BranchGradients {
 /// `1/V sum_v L(v)`; the velocity term is left out: no attribute has a part in it.
 pub fn branch_gradients(problem: &Problem<'_>, rounds: &[Round]) -> BranchGradients {
     let set = problem.set;
-    let splats = to_physical(set);
+    let (splats, first_copy) = with_copies(set, rounds);
     let zeros = |len: usize| vec![SplatGradient::default(); len];
-    let mut original = zeros(splats.len());
-    let with_copies: Vec<Vec<Splat>> = rounds.iter().map(|round| extended(&splats, &round.copies)).collect();
-    let mut sums: Vec<[Vec<SplatGradient>; 2]> =
-        with_copies.iter().map(|all| [zeros(splats.len()), zeros(all.len())]).collect();
+    let mut original = zeros(set.len());
+    let mut sums: Vec<RoundSums> = rounds
+        .iter()
+        .map(|round| RoundSums { prune: zeros(set.len()), add: zeros(set.len()), copies: zeros(round.chosen.len()) })
+        .collect();
+    let share = 1.0 / problem.views.len() as f32;
     for view in problem.views {
-        let base = Projection::new(&splats, &view.pinhole);
-        let add = |state: &RenderedWithState, splats: &[Splat], sum: &mut [SplatGradient]| {
+        let base = Projection::new(&splats[..set.len()], &view.pinhole);
+        let each_visible = |branch: Projection, add: &mut dyn FnMut(usize, &SplatGradient)| {
+            let state = branch.render(&view.pinhole, BEHIND);
             let (_, by_image) = image_loss(&state.images, view, &problem.weights);
-            let gradient = backward(splats, &view.pinhole, state, &by_image);
-            let share = 1.0 / problem.views.len() as f32;
-            state.visible().for_each(|i| sum[i].add_scaled(&gradient[i], share));
+            let gradients = backward_visible(&splats, &view.pinhole, &state, &by_image);
+            state.visible().zip(&gradients).for_each(|(i, gradient)| add(i, gradient));
         };
-        for ((round, all), [prune, copy]) in rounds.iter().zip(&with_copies).zip(&mut sums) {
+        for ((round, &first), sums) in rounds.iter().zip(&first_copy).zip(&mut sums) {
             if round.chosen.is_empty() {
                 continue;
             }
-            add(&base.without(&round.removed).render(&view.pinhole, BEHIND), &splats, prune);
-            let added = base.with(&all[splats.len()..], splats.len(), &view.pinhole);
-            add(&added.render(&view.pinhole, BEHIND), all, copy);
+            each_visible(base.without(&round.removed), &mut |i, g| sums.prune[i].add_scaled(g, share));
+            let copies = &splats[first..first + round.chosen.len()];
+            each_visible(base.with(copies, first, &view.pinhole), &mut |i, g| match i.checked_sub(first) {
+                Some(copy) => sums.copies[copy].add_scaled(g, share),
+                None => sums.add[i].add_scaled(g, share),
+            });
         }
-        add(&base.render(&view.pinhole, BEHIND), &splats, &mut original);
+        each_visible(base, &mut |i, g| original[i].add_scaled(g, share));
     }
     let original = raw(set, &original);
-    let finish = |(round, [prune, copy]): (&Round, [Vec<SplatGradient>; 2])| {
+    let finish = |(round, sums): (&Round, RoundSums)| {
         if round.chosen.is_empty() {
             return RoundGradients { prune: original.clone(), add: original.clone() };
         }
-        let (prune, mut add) = (raw(set, &prune), raw(set, &copy[..splats.len()]));
-        let copies = raw(&round.copies, &copy[splats.len()..]);
+        let (prune, mut add, copies) = (raw(set, &sums.prune), raw(set, &sums.add), raw(&round.copies, &sums.copies));
         add.maxima = add.maxima.max(copies.maxima);
         add.non_finite += copies.non_finite;
         RoundGradients { prune, add }
@@ -139,9 +143,25 @@ pub fn branch_gradients(problem: &Problem<'_>, rounds: &[Round]) -> BranchGradie
     BranchGradients { original, rounds }
 }
 
-/// The set's primitives with a round's copies behind them.
-pub(crate) fn extended(splats: &[Splat], copies: &GaussianSet) -> Vec<Splat> {
-    splats.iter().copied().chain(to_physical(copies)).collect()
+/// Sums over the views of the gradients of a round's two branches.
+struct RoundSums {
+    /// `[N]` without the sampled.
+    prune: Vec<SplatGradient>,
+    /// `[N]` with their copies.
+    add: Vec<SplatGradient>,
+    /// `[chosen]` of the copies themselves.
+    copies: Vec<SplatGradient>,
+}
+
+/// The set's primitives with the copies of all rounds behind them, and the place of each round's first.
+fn with_copies(set: &GaussianSet, rounds: &[Round]) -> (Vec<Splat>, Vec<usize>) {
+    let mut splats = to_physical(set);
+    let mut first_copy = Vec::with_capacity(rounds.len());
+    for round in rounds {
+        first_copy.push(splats.len());
+        splats.extend(to_physical(&round.copies));
+    }
+    (splats, first_copy)
 }
 
 /// The chain rule to the raw attributes, and the largest gradients.

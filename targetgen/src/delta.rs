@@ -1,7 +1,7 @@
 //! From responses or footprints to one delta per sampled primitive and action.
 
 use lgs_engine::gaussians::{GaussianSet, MEAN};
-use lgs_engine::ops::knn::{Neighbours, nearest, nearest_other_time};
+use lgs_engine::ops::knn::{Neighbours, nearest_of, nearest_other_time_of};
 use lgs_formats::targets::{Normalise, TargetsConfig};
 
 use crate::branches::{BranchGradient, BranchGradients, Round, RoundGradients};
@@ -29,13 +29,15 @@ pub struct Deltas {
     pub actions: ActionDeltas,
 }
 
-/// Neighbours of all primitives, and of those that a round removes among those that remain.
+/// Neighbours of the sampled primitives: among all, and among those that their round leaves.
 #[derive(Clone, Debug)]
 pub struct NeighbourSets {
-    /// Of every primitive among all.
-    pub originals: Neighbours,
-    /// By round: of the removed among the remaining.
-    pub remaining: Vec<Neighbours>,
+    /// Of every primitive that some round sampled, ascending, among all.
+    originals: Neighbours,
+    /// `[num_lidar]` row of each sampled primitive in `originals`.
+    row_of: Vec<u32>,
+    /// By round: of the chosen, in their order, among those that remain.
+    remaining: Vec<Neighbours>,
 }
 
 impl NeighbourSets {
@@ -46,13 +48,20 @@ impl NeighbourSets {
     pub fn new(set: &GaussianSet, rounds: &[Round], k: usize) -> Result<Self> {
         let points: Vec<[f32; 3]> =
             set.attributes[..set.num_lidar].iter().map(|row| [0, 1, 2].map(|axis| row[MEAN.start + axis])).collect();
+        let mut row_of = vec![u32::MAX; points.len()];
+        rounds.iter().flat_map(|round| &round.chosen).for_each(|&i| row_of[i as usize] = 0);
+        let sampled: Vec<u32> = (0..).zip(&row_of).filter(|(_, row)| **row == 0).map(|(i, _)| i).collect();
+        (0..).zip(&sampled).for_each(|(row, &i)| row_of[i as usize] = row);
         let remaining = |round: &Round| {
             // A primitive finds those of the other group only: a removed one those that remain.
             let groups: Vec<u32> = round.removed.iter().map(|&removed| u32::from(removed)).collect();
-            nearest_other_time(&points, &groups, k)
+            nearest_other_time_of(&points, &groups, &round.chosen, k)
         };
-        let originals = nearest(&points, k)?;
-        Ok(Self { originals, remaining: rounds.iter().map(remaining).collect::<std::result::Result<_, _>>()? })
+        Ok(Self {
+            originals: nearest_of(&points, &sampled, k)?,
+            row_of,
+            remaining: rounds.iter().map(remaining).collect::<std::result::Result<_, _>>()?,
+        })
     }
 }
 
@@ -80,10 +89,9 @@ pub fn response_deltas(
     };
     let round_deltas = |((round, gradients), remaining): ((&Round, &RoundGradients), &Neighbours)| {
         let (without, with) = (of(&gradients.prune), of(&gradients.add));
-        let of_chosen = |after: &[f64], neighbours: &Neighbours| {
-            round.chosen.iter().map(|&i| sum(after, neighbours.of(i as usize))).collect()
-        };
-        ActionDeltas { prune: of_chosen(&without, remaining), add: of_chosen(&with, &neighbours.originals) }
+        let prune = (0..round.chosen.len()).map(|place| sum(&without, remaining.of(place))).collect();
+        let around = |&i: &u32| neighbours.originals.of(neighbours.row_of[i as usize] as usize);
+        ActionDeltas { prune, add: round.chosen.iter().map(|i| sum(&with, around(i))).collect() }
     };
     rounds.iter().zip(&gradients.rounds).zip(&neighbours.remaining).map(round_deltas).collect()
 }

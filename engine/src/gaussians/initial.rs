@@ -19,7 +19,7 @@ const SPACING_SHARE: f32 = 0.35;
 /// One Gaussian per point that has a colour, in the order of the cloud; velocity zero.
 ///
 /// # Shapes
-/// `colours` `[N, 3]`, `spacing` `[N]` metres.
+/// `colours` `[N, 3]`; `spacing` `[M]` metres, of the points that have a colour, in their order.
 ///
 /// # Formula
 /// `x` = point, `s = ln(clamp(0.35 spacing, 1e-4, 1))` on all three axes, `q = 1`, `alpha = logit(0.5)`, `c = logit(colour)`.
@@ -28,14 +28,10 @@ const SPACING_SHARE: f32 = 0.35;
 /// `Flux4D`, initial values of its `LiDAR` branch; the random rotation left out.
 pub fn initial(cloud: &PointCloud, colours: &[Option<[f32; 3]>], spacing: &[f32]) -> GaussianSet {
     let mut set = GaussianSet::default();
-    for (i, colour) in colours.iter().enumerate() {
-        let Some(colour) = colour else { continue };
-        set.attributes.push(row(
-            cloud.positions[i],
-            (SPACING_SHARE * spacing[i]).clamp(MIN_SCALE, MAX_SCALE),
-            OPACITY,
-            *colour,
-        ));
+    let painted = colours.iter().enumerate().filter_map(|(i, colour)| Some((i, (*colour)?)));
+    for ((i, colour), spacing) in painted.zip(spacing) {
+        let scale = (SPACING_SHARE * spacing).clamp(MIN_SCALE, MAX_SCALE);
+        set.attributes.push(row(cloud.positions[i], scale, OPACITY, colour));
         set.times.push(cloud.times[i]);
     }
     set.num_lidar = set.len();

@@ -67,7 +67,8 @@ pub fn reconstruct(
         step();
         let colours = points::paint(&cloud, inputs.views());
         step();
-        let spacing = points::spacing(&cloud.positions);
+        let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
+        let spacing = points::spacing(&cloud.positions, &painted)?;
         step();
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
         background::add_background(&mut scene, inputs.views(), &cloud, background);

@@ -10,31 +10,28 @@ use super::project::Footprint;
 use super::tiles::TileLists;
 
 /// Maps that one pass over the tiles takes.
-const MAPS: usize = 6;
+pub const MAPS: usize = 6;
 type Sums = [f32; MAPS];
 
-/// Sums of maps under the weights with which each Gaussian was blended.
+/// Sums of up to [`MAPS`] maps under the weights with which each visible Gaussian was blended.
 ///
 /// # Shapes
-/// `maps` `[M]` of `[H, W]`; result `[M]` of `[num_gaussians]`, 0 for Gaussians that no pixel shows.
+/// `maps` of `[H, W]`; result `[num_visible, MAPS]`, in the order of [`RenderedWithState::visible`], 0 beyond the maps.
 ///
 /// # Formula
 /// `sum_p w_i(p) m(p)`, `w_i = alpha_i T_i` as [`render`](super::render) blends: per tile in f32, over the tiles in f64.
-pub fn blended_sums(state: &RenderedWithState, maps: &[&[f32]], num_gaussians: usize) -> Vec<Vec<f64>> {
+pub fn blended_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; MAPS]> {
     let lists = &state.lists;
-    let mut all = Vec::with_capacity(maps.len());
-    for group in maps.chunks(MAPS) {
-        let by_entry = entry_sums(state, group);
-        let mut sums = vec![vec![0.0_f64; num_gaussians]; group.len()];
-        for (visible, footprint) in lists.footprints.iter().enumerate() {
-            let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
-            for (map, sums) in sums.iter_mut().enumerate() {
-                sums[footprint.index as usize] = slots.iter().map(|&s| f64::from(by_entry[s as usize][map])).sum();
-            }
+    let by_entry = entry_sums(state, maps);
+    let of_visible = |visible: usize| {
+        let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
+        let mut sums = [0.0; MAPS];
+        for &slot in slots {
+            sums.iter_mut().zip(&by_entry[slot as usize]).for_each(|(sum, &part)| *sum += f64::from(part));
         }
-        all.append(&mut sums);
-    }
-    all
+        sums
+    };
+    (0..lists.footprints.len()).into_par_iter().with_min_len(1024).map(of_visible).collect()
 }
 
 /// Sums of every intersection of a Gaussian and a tile, in the order of the lists.
@@ -168,15 +165,16 @@ mod tests {
         };
         let splats: Vec<Splat> = (0..200).map(splat).collect();
         let state = render_for_gradient(&splats, &view, [0.0; 3]);
-        let maps: Vec<Vec<f32>> = (0..8).map(|m| (0..50 * 37).map(|p| at(p, m as f32)).collect()).collect();
+        let maps: Vec<Vec<f32>> = (0..5).map(|m| (0..50 * 37).map(|p| at(p, m as f32)).collect()).collect();
         let refs: Vec<&[f32]> = maps.iter().map(Vec::as_slice).collect();
-        let got = blended_sums(&state, &refs, splats.len());
-        for (group, sums) in got.chunks(3).enumerate() {
+        let got = blended_sums(&state, &refs);
+        assert_eq!(got.len(), state.visible().count());
+        for group in 0..2 {
             let of = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);
             let rgb = (0..50 * 37).flat_map(|p| [of(p, 0), of(p, 1), of(p, 2)]).collect();
             let want = backward(&splats, &view, &state, &ImageGradient { rgb, ..ImageGradient::default() });
-            for (k, sums) in sums.iter().enumerate() {
-                for (i, sum) in sums.iter().enumerate() {
+            for (i, sums) in state.visible().zip(&got) {
+                for (k, sum) in sums[3 * group..3 * group + 3].iter().enumerate() {
                     let want = f64::from(want[i].colour[k]);
                     assert!((sum - want).abs() < 1e-4 * (1.0 + want.abs()), "map {k} Gaussian {i}: {sum} {want}");
                 }

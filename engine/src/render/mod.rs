@@ -27,7 +27,7 @@ pub mod op;
 
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
-pub use blended::blended_sums;
+pub use blended::{MAPS, blended_sums};
 pub use branch::Projection;
 use constants::TILE_PIXELS;
 use forward::{PLANES, STOP};
@@ -135,6 +135,23 @@ pub fn render_for_gradient(splats: &[Splat], view: &PinholeView, background: [f3
 /// Exact, of the function that [`render`] computes; the depth order and which pixels a Gaussian reaches are constants, the
 /// camera is a constant.
 pub fn backward(
+    splats: &[Splat],
+    view: &PinholeView,
+    state: &RenderedWithState,
+    gradient: &ImageGradient,
+) -> Vec<SplatGradient> {
+    let mut all = vec![SplatGradient::default(); splats.len()];
+    for (i, of_visible) in state.visible().zip(backward_visible(splats, view, state, gradient)) {
+        all[i] = of_visible;
+    }
+    all
+}
+
+/// As [`backward`], of the visible Gaussians alone: all others have none.
+///
+/// # Shapes
+/// Result `[num_visible]`, in the order of [`RenderedWithState::visible`].
+pub fn backward_visible(
     splats: &[Splat],
     view: &PinholeView,
     state: &RenderedWithState,

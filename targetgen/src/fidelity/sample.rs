@@ -1,11 +1,13 @@
 //! The primitives whose single actions are tried, and what the signals say of them.
 
 use lgs_engine::gaussians::GaussianSet;
+use lgs_engine::gaussians::physical::to_physical;
+use lgs_engine::render::{blended_sums, render_for_gradient};
 use lgs_formats::targets::{Normalise, TargetsConfig};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use crate::branches::{Problem, Round, branch_gradients};
+use crate::branches::{BEHIND, Problem, Round, branch_gradients};
 use crate::delta::{Deltas, NeighbourSets, footprint_deltas, magnitude_deltas, merge_rounds, response_deltas};
 use crate::error::{Result, TargetError};
 use crate::footprint::footprints;
@@ -67,6 +69,8 @@ pub struct Sample {
     pub chosen: Vec<usize>,
     /// `[M]` their copies: those of the first round that sampled each.
     pub copies: GaussianSet,
+    /// `[M]` sums of their blending weights over all views, pixels.
+    pub visible_px: Vec<f64>,
     /// What the signals say.
     pub signals: Vec<Measured>,
 }
@@ -111,6 +115,7 @@ impl Sample {
         };
         Ok(Self {
             copies: first_copies(&rounds, &chosen),
+            visible_px: visible_px(problem, &chosen),
             signals: SIGNALS.iter().zip(&by_signal).map(measured).collect(),
             chosen,
         })
@@ -129,9 +134,21 @@ impl Sample {
                 velocities: self.copies.velocities[..size].to_vec(),
                 num_lidar: size,
             },
+            visible_px: cut(&self.visible_px),
             signals: self.signals.iter().map(measured).collect(),
         }
     }
+}
+
+fn visible_px(problem: &Problem<'_>, chosen: &[usize]) -> Vec<f64> {
+    let splats = to_physical(problem.set);
+    let mut sums = vec![0.0; splats.len()];
+    for view in problem.views {
+        let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
+        let blended = blended_sums(&state, &[&vec![1.0; view.pinhole.num_pixels()]]);
+        state.visible().zip(blended).for_each(|(i, blended)| sums[i] += blended[0]);
+    }
+    chosen.iter().map(|&i| sums[i]).collect()
 }
 
 fn order_key(seed: u64, k: usize) -> u64 {

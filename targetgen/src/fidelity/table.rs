@@ -70,6 +70,23 @@ pub fn table(title: &str, rows: &[Row]) -> String {
     text
 }
 
+/// One line per tried primitive: its index, the true change of the loss by each action, the pixels that it shows, what every signal says.
+pub fn pairs(sample: &Sample, effects: &Effects) -> String {
+    let mut text = String::from("primitive,visible_px,effect_prune,effect_add");
+    for measured in &sample.signals {
+        let key = measured.signal.key();
+        text += &format!(",prune-{key},add-{key}");
+    }
+    for (k, primitive) in sample.chosen.iter().enumerate() {
+        let (prune, add) = (effects.prune[k], effects.add[k]);
+        text += &format!("\n{primitive},{:e},{prune:e},{add:e}", sample.visible_px[k]);
+        for measured in &sample.signals {
+            text += &format!(",{:e},{:e}", measured.prune[k], measured.add[k]);
+        }
+    }
+    text + "\n"
+}
+
 /// A scatter plot of every signal and action: name of its file, content.
 pub fn pictures(title: &str, sample: &Sample, effects: &Effects) -> Vec<(String, String)> {
     let mut pictures = Vec::new();

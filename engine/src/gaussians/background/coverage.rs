@@ -10,12 +10,17 @@ const BLUR: f32 = 0.3;
 /// Weight below which the renderer skips a Gaussian.
 const MIN_ALPHA: f32 = 1.0 / 255.0;
 
+/// A pixel needs a background when at least this share of it shows through.
+const SHOWS: f32 = 0.3;
+/// Logarithm of a transmittance that is surely below [`SHOWS`], by more than rounding: nothing that is added brings it back.
+const SURELY_COVERED: f32 = -1.21;
+
 /// Transmittance of a view's pixels through everything that was added, as its logarithm.
 #[derive(Clone, Debug)]
 pub(super) struct Coverage {
     width: usize,
     height: usize,
-    /// `[H, W]` sum of `ln(1 - alpha)`.
+    /// `[H, W]` sum of `ln(1 - alpha)`, taken no further where the pixel is [`SURELY_COVERED`].
     log_transmittance: Vec<f32>,
 }
 
@@ -25,9 +30,9 @@ impl Coverage {
         Self { width: view.width, height: view.height, log_transmittance: vec![0.0; view.num_pixels()] }
     }
 
-    /// The share of a pixel (row-major index) that shows through.
-    pub(super) fn transmittance(&self, pixel: usize) -> f32 {
-        self.log_transmittance[pixel].exp()
+    /// Whether so much of a pixel (row-major index) shows through that it needs a background.
+    pub(super) fn shows(&self, pixel: usize) -> bool {
+        self.log_transmittance[pixel].exp() >= SHOWS
     }
 
     /// Nothing: adds round Gaussians given by their raw attributes; the first log scale counts.
@@ -62,7 +67,7 @@ impl Coverage {
             for (column, cell) in columns.clone().zip(&mut line[columns.clone()]) {
                 let dx = column as f32 + 0.5 - u;
                 let q = dx * dx + dy * dy;
-                if q < reach {
+                if q < reach && *cell > SURELY_COVERED {
                     *cell += (1.0 - (opacity * (-0.5 * q / variance).exp()).min(0.999)).ln();
                 }
             }

@@ -8,8 +8,6 @@ use crate::{
     views::{Projected, View},
 };
 
-/// A pixel needs a background when at least this share of it shows through.
-const SHOWS: f32 = 0.3;
 /// Standard deviation of a background Gaussian, pixels of its view.
 const SIGMA_PX: f32 = 0.5;
 /// Opacity of a background Gaussian.
@@ -21,7 +19,7 @@ pub(super) fn rows(view: &View, sheet: &Sheet, coverage: &Coverage) -> Vec<[f32;
     let mut rows = Vec::new();
     for (pixel, &inverse) in sheet.0.iter().enumerate() {
         let ignored = view.labels.as_ref().is_some_and(|labels| labels[pixel] == PixelLabel::Ignored);
-        if inverse.is_nan() || ignored || coverage.transmittance(pixel) < SHOWS {
+        if inverse.is_nan() || ignored || !coverage.shows(pixel) {
             continue;
         }
         let (column, line) = (pixel % pinhole.width, pixel / pinhole.width);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::NO_NEIGHBOUR;
 use super::batch::Batch;
-use super::tree::{LEAF, Leaf, Node, Tree};
+use super::tree::{Item, LEAF, Leaf, Node, Tree};
 
 /// `[N, k]` indices of the nearest points of other groups.
 pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> {
@@ -17,14 +17,42 @@ pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> 
         return Vec::new();
     }
     let tree = Tree::new(points, groups);
-    let mut by_place = vec![NO_NEIGHBOUR; tree.leaves.len() * LEAF * k];
+    let by_place = search_leaves(&tree, &tree.leaves, k);
+    rows_at(&by_place, &tree.place_of, k)
+}
+
+/// `[M, k]` indices of the nearest points of other groups, for the points `queries` alone.
+pub(super) fn search_of(points: &[[f32; 3]], groups: &[u32], queries: &[u32], k: usize) -> Vec<u32> {
+    if k == 0 || queries.is_empty() {
+        return Vec::new();
+    }
+    let tree = Tree::new(points, groups);
+    // Queries that lie in the same region share a descent.
+    let mut order: Vec<(u32, u32)> = queries.iter().map(|&i| tree.place_of[i as usize]).zip(0..).collect();
+    order.sort_unstable();
+    let point_at = |&(place, _): &(u32, u32)| tree.leaves[place as usize / LEAF].item(place as usize % LEAF);
+    let items: Vec<Item> = order.iter().map(point_at).collect();
+    let leaves: Vec<Leaf> = items.chunks(LEAF).map(Leaf::of).collect();
+    let by_place = search_leaves(&tree, &leaves, k);
+    let mut place_of = vec![0; queries.len()];
+    (0_u32..).zip(&order).for_each(|(place, &(_, query))| place_of[query as usize] = place);
+    rows_at(&by_place, &place_of, k)
+}
+
+/// `[num_leaves, LEAF, k]` neighbours of the points of `queries` among those of the tree.
+fn search_leaves(tree: &Tree, queries: &[Leaf], k: usize) -> Vec<u32> {
+    let mut by_place = vec![NO_NEIGHBOUR; queries.len() * LEAF * k];
     let arch = pulp::Arch::new();
-    by_place.par_chunks_mut(LEAF * k).enumerate().for_each_init(
+    by_place.par_chunks_mut(LEAF * k).zip(queries).for_each_init(
         || Batch::new(k),
-        |batch, (leaf, out)| arch.dispatch(SearchLeaf { tree: &tree, batch, leaf, out }),
+        |batch, (out, queries)| arch.dispatch(SearchLeaf { tree, batch, queries, out }),
     );
-    let mut indices = vec![0; points.len() * k];
-    indices.par_chunks_mut(k).zip(&tree.place_of).with_min_len(4096).for_each(|(row, &place)| {
+    by_place
+}
+
+fn rows_at(by_place: &[u32], places: &[u32], k: usize) -> Vec<u32> {
+    let mut indices = vec![0; places.len() * k];
+    indices.par_chunks_mut(k).zip(places).with_min_len(4096).for_each(|(row, &place)| {
         row.copy_from_slice(&by_place[place as usize * k..][..k]);
     });
     indices
@@ -33,7 +61,7 @@ pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> 
 struct SearchLeaf<'a> {
     tree: &'a Tree,
     batch: &'a mut Batch,
-    leaf: usize,
+    queries: &'a Leaf,
     out: &'a mut [u32],
 }
 
@@ -42,8 +70,7 @@ impl WithSimd for SearchLeaf<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { tree, batch, leaf, out } = self;
-        let queries = &tree.leaves[leaf];
+        let Self { tree, batch, queries, out } = self;
         batch.start(queries);
         let area = Area::of(queries);
         batch.stack.push((0, (0.0, 0)));

@@ -41,7 +41,7 @@ impl Neighbours {
 /// When a coordinate is not finite or there are 2^32 - 1 points or more.
 pub fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
     // A point may not find its own group: every point is a group.
-    nearest_of_other_groups(points, &(0..count(points.len())?).collect::<Vec<u32>>(), k)
+    nearest_other_time(points, &(0..count(points.len())?).collect::<Vec<u32>>(), k)
 }
 
 /// The `k` nearest points at other timestamps of every point.
@@ -58,12 +58,41 @@ pub fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
 /// # Errors
 /// When a coordinate is not finite, the lengths differ, or there are 2^32 - 1 points or more.
 pub fn nearest_other_time(points: &[[f32; 3]], time_index: &[u32], k: usize) -> Result<Neighbours> {
-    count(points.len())?;
-    if time_index.len() != points.len() {
-        let (n, found) = (points.len(), time_index.len());
-        return Err(candle_core::Error::Msg(format!("time_index: expected {n} values, found {found}")).into());
+    check(points, time_index)?;
+    Ok(Neighbours { k, indices: cpu::search(points, time_index, k) })
+}
+
+/// The `k` nearest other points of the points `queries` alone.
+///
+/// # Shapes
+/// `points` `[N, 3]` f32, any unit; `queries` `[M]` indices below N; result `[M, k]`.
+///
+/// # Formula
+/// Row m is row `queries[m]` of [`nearest`].
+///
+/// # Errors
+/// Those of [`nearest`], and a query beyond the points.
+pub fn nearest_of(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Neighbours> {
+    nearest_other_time_of(points, &(0..count(points.len())?).collect::<Vec<u32>>(), queries, k)
+}
+
+/// The `k` nearest points at other timestamps of the points `queries` alone.
+///
+/// # Shapes
+/// `points` `[N, 3]` f32, any unit; `time_index` `[N]`; `queries` `[M]` indices below N; result `[M, k]`.
+///
+/// # Formula
+/// Row m is row `queries[m]` of [`nearest_other_time`].
+///
+/// # Errors
+/// Those of [`nearest_other_time`], and a query beyond the points.
+pub fn nearest_other_time_of(points: &[[f32; 3]], time_index: &[u32], queries: &[u32], k: usize) -> Result<Neighbours> {
+    check(points, time_index)?;
+    if let Some(query) = queries.iter().find(|&&query| query as usize >= points.len()) {
+        let message = format!("queries: expected indices below {}, found {query}", points.len());
+        return Err(candle_core::Error::Msg(message).into());
     }
-    nearest_of_other_groups(points, time_index, k)
+    Ok(Neighbours { k, indices: cpu::search_of(points, time_index, queries, k) })
 }
 
 /// Squared distance in f64 of f32 coordinates, summed in the order x, y, z.
@@ -73,14 +102,20 @@ pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
     (x * x + y * y) + z * z
 }
 
-fn nearest_of_other_groups(points: &[[f32; 3]], groups: &[u32], k: usize) -> Result<Neighbours> {
+/// Nothing: as many finite points as groups, and few enough of them.
+fn check(points: &[[f32; 3]], groups: &[u32]) -> Result<()> {
+    count(points.len())?;
+    if groups.len() != points.len() {
+        let (n, found) = (points.len(), groups.len());
+        return Err(candle_core::Error::Msg(format!("time_index: expected {n} values, found {found}")).into());
+    }
     for (i, point) in points.iter().enumerate() {
         if let Some(axis) = (0..3).find(|&axis| !point[axis].is_finite()) {
             let what = format!("point {i}, {}", ["x", "y", "z"][axis]);
             return Err(EngineError::NonFinite { what, found: point[axis] });
         }
     }
-    Ok(Neighbours { k, indices: cpu::search(points, groups, k) })
+    Ok(())
 }
 
 fn count(points: usize) -> Result<u32> {

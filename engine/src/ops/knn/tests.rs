@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::{NO_NEIGHBOUR, nearest, nearest_other_time, reference};
+use super::{NO_NEIGHBOUR, nearest, nearest_of, nearest_other_time, nearest_other_time_of, reference};
 
 fn assert_equal(points: &[[f32; 3]], groups: &[u32], k: usize) {
     let got = nearest_other_time(points, groups, k).unwrap();
@@ -29,6 +29,15 @@ proptest! {
             nearest(&positions, k).unwrap().indices,
             reference::nearest_of_other_groups(&positions, &own, k)
         );
+        // A part of the points, in another order and one of them twice.
+        let mut some: Vec<u32> = own.iter().rev().step_by(3).copied().collect();
+        some.extend(some.first().copied());
+        let rows = |all: &[u32]| some.iter().flat_map(|&i| all[i as usize * k..][..k].to_vec()).collect::<Vec<u32>>();
+        prop_assert_eq!(nearest_of(&positions, &some, k).unwrap().indices, rows(&nearest(&positions, k).unwrap().indices));
+        prop_assert_eq!(
+            nearest_other_time_of(&positions, &groups, &some, k).unwrap().indices,
+            rows(&nearest_other_time(&positions, &groups, k).unwrap().indices)
+        );
     }
 }
 
@@ -49,6 +58,9 @@ fn refuses_what_is_not_finite_and_wrong_lengths() {
     assert!(error.to_string().contains("point 1, y"), "{error}");
     assert!(nearest_other_time(&[[0.0, 0.0, f32::INFINITY]], &[0], 1).is_err());
     assert!(nearest_other_time(&[[0.0; 3]; 2], &[0], 1).is_err());
+    assert!(nearest_of(&[[0.0; 3]; 2], &[2], 1).unwrap_err().to_string().contains("below 2, found 2"));
+    assert!(nearest_other_time_of(&[[0.0; 3]; 2], &[0], &[1], 1).is_err());
+    assert!(nearest_of(&[], &[], 3).unwrap().indices.is_empty());
 }
 
 #[test]

@@ -45,8 +45,9 @@ pub(super) struct Leaf {
     pub(super) indices: [u32; LEAF],
 }
 
+/// One point.
 #[derive(Clone, Copy, Debug)]
-struct Item {
+pub(super) struct Item {
     point: [f32; 3],
     group: u32,
     index: u32,
@@ -73,7 +74,8 @@ impl Tree {
 }
 
 impl Leaf {
-    fn of(items: &[Item]) -> Self {
+    /// Up to [`LEAF`] points.
+    pub(super) fn of(items: &[Item]) -> Self {
         let mut leaf =
             Self { columns: [[f32::INFINITY; LEAF]; 3], groups: [NO_NEIGHBOUR; LEAF], indices: [NO_NEIGHBOUR; LEAF] };
         for (slot, item) in items.iter().enumerate() {
@@ -84,6 +86,11 @@ impl Leaf {
             leaf.indices[slot] = item.index;
         }
         leaf
+    }
+
+    /// The point of a slot.
+    pub(super) fn item(&self, slot: usize) -> Item {
+        Item { point: self.columns.map(|column| column[slot]), group: self.groups[slot], index: self.indices[slot] }
     }
 }
 

@@ -10,7 +10,7 @@ use lgs_engine::threads;
 use lgs_engine::views::View;
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::branches::Problem;
-use lgs_targetgen::fidelity::{AfterSettings, Effects, Row, Sample, after, at_once, pictures, rows, table};
+use lgs_targetgen::fidelity::{AfterSettings, Effects, Row, Sample, after, at_once, pairs, pictures, rows, table};
 use lgs_targetgen::sample::clip_seed;
 use lgs_targetgen::scene::load_scene;
 
@@ -51,7 +51,7 @@ pub(crate) fn fidelity(args: &FidelityArgs) -> Result<String> {
     Ok(text)
 }
 
-/// The table of one oracle, its pictures written.
+/// The table of one oracle, its pictures and pairs written.
 fn section(
     out: &Path,
     key: &'static str,
@@ -62,6 +62,7 @@ fn section(
     for (name, svg) in pictures(title, sample, effects) {
         write_atomic(&out.join(format!("{key}-{name}")), svg.as_bytes())?;
     }
+    write_atomic(&out.join(format!("{key}.csv")), pairs(sample, effects).as_bytes())?;
     let rows = rows(sample, effects);
     let text = table(title, &rows);
     found.push((key, rows));
