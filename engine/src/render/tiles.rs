@@ -55,10 +55,9 @@ impl TileLists {
     }
 }
 
-/// Bins footprints that are in depth order.
-pub(super) fn bin(footprints: Vec<Footprint>, view: &PinholeView) -> TileLists {
+/// Bins footprints that are in depth order, by the tiles that each touches.
+pub(super) fn bin(footprints: Vec<Footprint>, first_slot: Vec<u32>, tiles: Vec<u32>, view: &PinholeView) -> TileLists {
     let grid = TileGrid::of(view);
-    let (first_slot, tiles) = tiles_of_each(&footprints, view, grid);
     let (first_entry, slots, entries) = by_tile(&first_slot, tiles, grid);
     TileLists { grid, footprints, first_slot, slots, first_entry, entries }
 }
@@ -81,7 +80,8 @@ pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeVie
 }
 
 /// Offsets per Gaussian and the tiles that each Gaussian touches.
-fn tiles_of_each(footprints: &[Footprint], view: &PinholeView, grid: TileGrid) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Vec<u32>, Vec<u32>) {
+    let grid = TileGrid::of(view);
     let pieces: Vec<(Vec<u32>, Vec<u32>)> = footprints
         .par_chunks(CHUNK)
         .map(|chunk| {

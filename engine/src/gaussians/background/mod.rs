@@ -7,7 +7,7 @@ mod sky;
 
 use rayon::prelude::*;
 
-use self::coverage::Coverage;
+use self::coverage::{Coverage, Round};
 use super::GaussianSet;
 use crate::{
     points::PointCloud,
@@ -42,18 +42,20 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
         Mode::Sky => sky::sheets(&inputs, cloud),
         Mode::Auto | Mode::Depth => depth::sheets(&inputs, sky::radius(cloud)),
     };
+    let rounds = Round::of(&set.attributes);
     let mut coverages: Vec<Coverage> = inputs
         .par_iter()
         .map(|view| {
             let mut coverage = Coverage::new(&view.pinhole);
-            coverage.add(&view.pinhole, &set.attributes);
+            coverage.add(&view.pinhole, &rounds);
             coverage
         })
         .collect();
     for k in 0..inputs.len() {
         let rows = emit::rows(inputs[k], &sheets[k], &coverages[k]);
+        let rounds = Round::of(&rows);
         let later = inputs.par_iter().zip(&mut coverages).skip(k + 1);
-        later.for_each(|(view, coverage)| coverage.add(&view.pinhole, &rows));
+        later.for_each(|(view, coverage)| coverage.add(&view.pinhole, &rounds));
         set.attributes.extend(rows);
     }
     set.times.resize(set.len(), 0.0);
