@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lgs_formats::error::FormatError;
-use lgs_formats::targets::{FailedClip, Manifest, Part, Shard};
+use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, Part, Shard};
 
 use super::pack::{Plan, pack};
 use super::store::{Store, part_file};
@@ -17,14 +17,22 @@ struct Share {
     part: Part,
 }
 
-/// Joins the shares in `folders` into shards and one manifest in `out`. Clips of `out` itself are moved, those of other folders copied.
+/// Joins the shares in `folders` into shards and one manifest in `out`. Clips of `out` itself are moved, those of other folders copied. Where
+/// an earlier call came to its manifest, only what it left of the shares is taken away.
 ///
 /// # Errors
 /// Shares that are missing, there twice or of different jobs; clips that none or two of them have; a file that is not as its manifest
 /// says; a folder that cannot be written to. What was merged stays, and the same call goes on from there.
 pub fn merge(folders: &[PathBuf], out: &Path, shard_bytes: u64) -> Result<Manifest> {
     let shares = shares(folders)?;
-    let first = &shares[0].manifest;
+    if let Some(manifest) = merged_before(&shares, out)? {
+        remove_own(&shares, out)?;
+        return Ok(manifest);
+    }
+    let Some(Share { manifest: first, .. }) = shares.first() else {
+        let found = folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
+        return Err(TargetError::setting("DIRS", "folders with part-I-of-N.json", found));
+    };
     check(&shares)?;
     let mut store = Store::open(out, &first.config)?;
     store.sweep()?;
@@ -51,17 +59,38 @@ pub fn merge(folders: &[PathBuf], out: &Path, shard_bytes: u64) -> Result<Manife
     let failed: Vec<FailedClip> = first.clips.iter().filter_map(failed_of).cloned().collect();
     let plan = Plan { config: &first.config, clips: &first.clips, failed: &failed, shard_bytes };
     let manifest = pack(&mut store, &plan)?;
-    for share in shares.iter().filter(|share| same_folder(&share.folder, out)) {
-        store.remove(&share.file)?;
-    }
+    remove_own(&shares, out)?;
     Ok(manifest)
+}
+
+/// The manifest in `out` when shares are missing that an earlier call took away after it had written it.
+fn merged_before(shares: &[Share], out: &Path) -> Result<Option<Manifest>> {
+    let path = out.join(MANIFEST_FILE);
+    if shares.first().is_some_and(|first| shares.len() >= first.part.count) || !path.exists() {
+        return Ok(None);
+    }
+    let manifest = Manifest::read(&path)?;
+    let same = |share: &Share| share.manifest.config == manifest.config && share.manifest.clips == manifest.clips;
+    if !shares.iter().all(same) {
+        return Ok(None);
+    }
+    manifest.verify(out)?;
+    Ok(Some(manifest))
+}
+
+/// Takes away the shares that lie in `out`.
+fn remove_own(shares: &[Share], out: &Path) -> Result<()> {
+    for share in shares.iter().filter(|share| same_folder(&share.folder, out)) {
+        std::fs::remove_file(&share.file).map_err(|e| FormatError::io(&share.file, "remove", e))?;
+    }
+    Ok(())
 }
 
 fn same_folder(a: &Path, b: &Path) -> bool {
     matches!((std::fs::canonicalize(a), std::fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Every share in the folders, at least one.
+/// Every share in the folders.
 fn shares(folders: &[PathBuf]) -> Result<Vec<Share>> {
     let mut shares = Vec::new();
     for folder in folders {
@@ -84,10 +113,6 @@ fn shares(folders: &[PathBuf]) -> Result<Vec<Share>> {
                 }
             }
         }
-    }
-    if shares.is_empty() {
-        let found = folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
-        return Err(TargetError::setting("DIRS", "folders with part-I-of-N.json", found));
     }
     shares.sort_by_key(|share| share.part.index);
     Ok(shares)

@@ -15,6 +15,7 @@ pub(crate) const SMALL: [&str; 6] = ["--image-size", "24x40", "--shard-mb", "3",
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("targetgen::job::parts_threads_and_whole_are_the_same_bytes", parts_and_whole),
+        case("targetgen::job::merge_goes_on_from_where_it_ended", merge_again),
         case("targetgen::job::failed_clips_are_listed", failed_clips),
         case("targetgen::job::retarget", retarget),
         case("targetgen::job::flipped_byte", flipped_byte),
@@ -84,6 +85,34 @@ fn parts_and_whole() -> Outcome {
     }
     go(&["--out", "parts", "--resume"])?;
     same_product(&place.path().join("parts"), &place.path().join("whole"))
+}
+
+/// More parts than clips, of which some have nothing to do; a merge that ended between the manifest and the last of its clearing up.
+fn merge_again() -> Outcome {
+    let place = tempfile::tempdir()?;
+    clips::short(&place.path().join("tiny"), 1)?;
+    fs::write(place.path().join("list"), "tiny\ntiny\n")?;
+    let go = |more: &[&str]| -> Outcome {
+        targetgen(place.path(), &[&["list"], SMALL.as_slice(), more].concat())?.expect_success()
+    };
+    go(&["--out", "whole"])?;
+    for part in ["1/3", "2/3", "3/3"] {
+        go(&["--out", "parts", "--part", part])?;
+    }
+    let (whole, parts) = (place.path().join("whole"), place.path().join("parts"));
+    let left = fs::read(parts.join("part-2-of-3.json"))?;
+    let merge = || targetgen(place.path(), &["merge", "parts", "--shard-mb", "3"]);
+    merge()?.expect_success()?;
+    same_product(&parts, &whole)?;
+    fs::write(parts.join("part-2-of-3.json"), &left)?;
+    merge()?.expect_success()?;
+    same_product(&parts, &whole)?;
+    merge()?.expect_success()?;
+    same_product(&parts, &whole)?;
+    // A share of another job is no leftover of this one.
+    let other = String::from_utf8_lossy(&left).replace("\"seed\": 0", "\"seed\": 5");
+    fs::write(parts.join("part-2-of-3.json"), other)?;
+    merge()?.expect_refusal(&["part-1-of-3.json"])
 }
 
 fn failed_clips() -> Outcome {
