@@ -4,6 +4,7 @@
 //! input views is the next step's input, and the gradient of input and target views together is the loss gradient of the pass that
 //! has just run. Inputs of a refinement step are constants, so every pass is supervised on its own and its memory is freed.
 
+use candle_core::backprop::GradStore;
 use lgs_engine::{
     densify::{self, Action},
     gaussians::{GaussianSet, RawGradient},
@@ -13,9 +14,10 @@ use lgs_engine::{
     refine::silence,
     views::View,
 };
+use rayon::prelude::*;
 
 use super::{
-    passes::{BRANCHES, Outcome, Passes},
+    passes::{BRANCHES, Branch, Outcome, Passes},
     sample::Sample,
     settings::Settings,
     variables::{Values, Variables},
@@ -81,9 +83,11 @@ pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) 
     Ok(Computed { losses, gradients, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
 }
 
-fn outcomes(run: impl Fn(super::passes::Branch) -> Result<Option<Outcome>>) -> Result<Vec<Outcome>> {
-    let both: Result<Vec<Option<Outcome>>> = BRANCHES.into_iter().map(run).collect();
-    Ok(both?.into_iter().flatten().collect())
+/// The outcomes of both branches, which run side by side: one's serial parts do not hold up the other.
+fn outcomes(run: impl Fn(Branch) -> Result<Option<Outcome>> + Sync) -> Result<Vec<Outcome>> {
+    let [first, second] = BRANCHES;
+    let (first, second) = rayon::join(|| run(first), || run(second));
+    Ok([first?, second?].into_iter().flatten().collect())
 }
 
 fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
@@ -102,11 +106,12 @@ fn carry_back(
     gradient: &RawGradient,
     sums: &mut Values,
 ) -> Result<()> {
-    for outcome in outcomes {
+    let back = |outcome: &Outcome| {
         let v_outputs = residual_gradients(before, &outcome.chosen, gradient, outcome.width()?);
-        variables.add_gradients(&outcome.carry(v_outputs)?.backward()?, sums)?;
-    }
-    Ok(())
+        Ok(outcome.carry(v_outputs)?.backward()?)
+    };
+    let stores: Vec<Result<GradStore>> = outcomes.par_iter().map(back).collect();
+    stores.into_iter().try_for_each(|store| variables.add_gradients(&store?, sums))
 }
 
 /// A scene as the views see it.
