@@ -66,7 +66,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("background", escape(&config.background)),
         ("views", escape(&config.views)),
         ("moment", moment),
-        ("weights", weights.clone().unwrap_or_else(|| if network.is_some() { "seeded".to_owned() } else { none() })),
+        ("weights", weights.clone().unwrap_or_else(none)),
         ("network", network.as_ref().map_or_else(none, |summary| network_settings(config, summary))),
         ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),
         ("threads", threads.to_string()),
