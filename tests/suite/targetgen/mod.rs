@@ -3,7 +3,7 @@
 mod closed_form;
 mod edges;
 mod interruptions;
-mod job;
+pub(crate) mod job;
 mod problems;
 mod twin;
 
