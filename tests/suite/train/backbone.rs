@@ -142,8 +142,7 @@ fn the_loss_falls() -> Outcome {
     }
 }
 
-/// The shipped clip alone, no variation but that of the draws: after a few steps the losses of late steps are far below those of the
-/// first ones, after the prediction and after the refinement.
+/// The shipped clip alone: the losses after the refinement of late steps are far below those of the first ones.
 fn one_clip_can_be_learnt() -> Outcome {
     const STEPS: usize = 60;
     let place = tempfile::tempdir()?;
@@ -158,9 +157,6 @@ fn one_clip_can_be_learnt() -> Outcome {
     let losses = losses.0.borrow();
     let mean = |part: &[[f64; 2]], k: usize| part.iter().map(|l| l[k]).sum::<f64>() / part.len() as f64;
     let [first, late] = [&losses[..20], &losses[STEPS - 20..]];
-    let falls = [0, 1].map(|k| 1.0 - mean(late, k) / mean(first, k));
-    if falls[0] > 0.1 && falls[1] > 0.2 {
-        return Ok(());
-    }
-    Err(format!("the losses fall by {:.1} % and {:.1} %", 100.0 * falls[0], 100.0 * falls[1]).into())
+    let fall = 1.0 - mean(late, 1) / mean(first, 1);
+    if fall > 0.25 { Ok(()) } else { Err(format!("the loss falls by {:.1} %", 100.0 * fall).into()) }
 }

