@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
 use crate::network::buffers::Buffers;
+use crate::network::config::ModelConfig;
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
 use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
 use crate::network::pass::gather;
-use crate::network::policy::{EXTRA_INPUTS, Geometry};
+use crate::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry};
 use crate::ops::knn::{Neighbours, nearest_other_time};
 
 /// Features of the `LiDAR` branch, and what the next stages need beside them.
@@ -17,8 +18,6 @@ use crate::ops::knn::{Neighbours, nearest_other_time};
 pub struct Features {
     /// `[N, width]` decoder features; after [`query`] the fused ones.
     pub rows: Vec<f32>,
-    /// Voxels of the branch, for the voxel density.
-    pub levels: Levels,
     /// Buffers that the stages share.
     pub buffers: Buffers,
 }
@@ -52,7 +51,7 @@ pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
     let sites = model.initial.site_features(&initial_rows(set, &chosen), INITIAL_INPUTS, &levels, &mut buffers);
     let rows = gather(&sites, &levels, &mut buffers);
     buffers.give(sites);
-    Ok(Features { rows, levels, buffers })
+    Ok(Features { rows, buffers })
 }
 
 /// The `k` nearest of other timestamps of every primitive of the `LiDAR` branch; `None` when all are of one.
@@ -121,29 +120,68 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
 
 /// Scores `[N]` of pruning and of adding for the `LiDAR` branch; `None` when the model has no policy.
 ///
-/// # Formula
-/// Input `[f', attributes, ln(1 + points in the voxel)]`, averaged over the points of a voxel; a point has its voxel's scores.
+/// # Errors
+/// As [`scores_of`].
+pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<[Vec<f32>; 2]>> {
+    let Some(policy) = &model.policy else { return Ok(None) };
+    scores_of(&features.rows, set, policy, &model.config, &mut features.buffers).map(Some)
+}
+
+/// Scores `[N]` of pruning and of adding for the `LiDAR` branch of a scene as predicted.
+///
+/// # Shapes
+/// `features` `[N, width]` decoder features, after the query.
 ///
 /// # Errors
-/// When the voxels span more than the curves' bits.
-pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<[Vec<f32>; 2]>> {
-    let (Some(policy), Some(config)) = (&model.policy, &model.config.policy) else { return Ok(None) };
-    let levels = &features.levels;
-    let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
-    let geometry = Geometry::new(&levels.sites, &maps, config)?;
-    let width = model.config.unet.width();
+/// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
+pub fn scores_of(
+    features: &[f32],
+    set: &GaussianSet,
+    policy: &FoldedPolicy,
+    config: &ModelConfig,
+    buffers: &mut Buffers,
+) -> Result<[Vec<f32>; 2]> {
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let states = initial_rows(set, &chosen);
-    let mut rows = features.buffers.take(chosen.len() * (width + EXTRA_INPUTS));
-    let parts = features.rows.chunks_exact(width).zip(states.chunks_exact(INITIAL_INPUTS)).zip(&levels.site_of);
-    for (row, ((feature, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
-        row[..width].copy_from_slice(feature);
-        row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
-        row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
+    let Some(inputs) = PolicyInputs::new(features, set, &chosen, config)? else { return Ok([Vec::new(), Vec::new()]) };
+    let found = policy.scores(&inputs.rows, &inputs.geometry, buffers)?;
+    Ok([0, 1].map(|k| inputs.site_of.iter().map(|&site| found[site as usize][k]).collect()))
+}
+
+/// What the policy is given of some primitives.
+#[derive(Debug)]
+pub struct PolicyInputs {
+    /// `[M, width + EXTRA_INPUTS]` by voxel.
+    pub rows: Vec<f32>,
+    /// The voxels.
+    pub geometry: Geometry,
+    /// `[n]` voxel of every primitive.
+    pub site_of: Vec<u32>,
+}
+
+impl PolicyInputs {
+    /// The inputs of `chosen` primitives, which alone fill the voxels; `None` when the model has no policy or nothing is chosen.
+    ///
+    /// # Formula
+    /// `[f', attributes, ln(1 + points in the voxel)]`, averaged over the points of a voxel; voxels of the positions as they are in `set`.
+    ///
+    /// # Shapes
+    /// `features` `[N, width]` of all primitives of the `LiDAR` branch.
+    ///
+    /// # Errors
+    /// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
+    pub fn new(features: &[f32], set: &GaussianSet, chosen: &[usize], config: &ModelConfig) -> Result<Option<Self>> {
+        let Some(policy) = config.policy.as_ref().filter(|_| !chosen.is_empty()) else { return Ok(None) };
+        let levels = Levels::new(&voxels_of(positions(set, chosen), config.voxel_size)?, policy.encoder.len())?;
+        let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
+        let geometry = Geometry::new(&levels.sites, &maps, policy)?;
+        let (width, states) = (config.unet.width(), initial_rows(set, chosen));
+        let mut rows = vec![0.0; chosen.len() * (width + EXTRA_INPUTS)];
+        let parts = chosen.iter().zip(states.chunks_exact(INITIAL_INPUTS)).zip(&levels.site_of);
+        for (row, ((&i, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
+            row[..width].copy_from_slice(&features[i * width..][..width]);
+            row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
+            row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
+        }
+        Ok(Some(Self { rows: levels.mean_of_points(&rows, width + EXTRA_INPUTS), geometry, site_of: levels.site_of }))
     }
-    let by_voxel = levels.mean_of_points(&rows, width + EXTRA_INPUTS);
-    features.buffers.give(rows);
-    let found = policy.scores(&by_voxel, &geometry, &mut features.buffers)?;
-    let of = |k: usize| features.levels.site_of.iter().map(|&site| found[site as usize][k]).collect();
-    Ok(Some([of(0), of(1)]))
 }

@@ -14,6 +14,9 @@ pub enum TrainError {
     /// The engine found something wrong.
     #[error(transparent)]
     Engine(#[from] EngineError),
+    /// Targets, or a scene to score, could not be made.
+    #[error(transparent)]
+    Target(#[from] lgs_targetgen::error::TargetError),
     /// A tensor operation failed.
     #[error("tensor operation failed: {0}")]
     Tensor(#[from] candle_core::Error),

@@ -6,7 +6,7 @@ use candle_core::{DType, Result, Tensor, Var};
 use candle_nn::{Init, VarBuilder};
 
 use crate::ops::norm::{BatchStatistics, batch_norm};
-use crate::ops::sparse_conv::{Epilogue, KernelMap, PackedWeights, convolve, convolve_into};
+use crate::ops::sparse_conv::{Epilogue, KernelMap, PackedWeights, convolve, convolve_affine, convolve_into};
 
 /// Added to the variance (`PyTorch`'s default).
 const NORM_EPS: f64 = 1e-5;
@@ -60,7 +60,7 @@ impl ConvNorm {
         })
     }
 
-    /// The normalised convolution, differentiable.
+    /// The normalised convolution, negative results zero where `relu`, differentiable.
     ///
     /// # Shapes
     /// `[map.num_inputs, cin]` to `[map.num_outputs, cout]`.
@@ -71,17 +71,17 @@ impl ConvNorm {
     ///
     /// # Errors
     /// When the shape does not fit.
-    pub fn forward(&self, features: &Tensor, map: &Arc<KernelMap>, train: bool) -> Result<Tensor> {
-        let convolved = convolve(features, &self.weight, map)?;
+    pub fn forward(&self, features: &Tensor, map: &Arc<KernelMap>, train: bool, relu: bool) -> Result<Tensor> {
         if train && map.num_outputs() > 1 {
+            let convolved = convolve(features, &self.weight, map)?;
             let (normalised, statistics) = batch_norm(&convolved, &self.gamma, &self.beta, NORM_EPS)?;
             self.follow(&statistics)?;
-            return Ok(normalised);
+            return if relu { normalised.relu() } else { Ok(normalised) };
         }
         let [mean, variance] = self.running.each_ref().map(|v| v.as_tensor().detach());
         let factor = (&self.gamma * (variance + NORM_EPS)?.sqrt()?.recip()?)?;
         let shift = (&self.beta - (mean * &factor)?)?;
-        convolved.broadcast_mul(&factor)?.broadcast_add(&shift)
+        convolve_affine(features, &self.weight, &Tensor::stack(&[factor, shift], 0)?, map, relu)
     }
 
     /// Moves the running statistics towards those of a batch (the variance without bias, as `PyTorch` keeps it).

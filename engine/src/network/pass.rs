@@ -1,5 +1,7 @@
 //! A pass: one U-Net and the linear heads on its features.
 
+use std::sync::Arc;
+
 use candle_core::{Result, Tensor};
 use candle_nn::VarBuilder;
 
@@ -8,6 +10,7 @@ use super::levels::Levels;
 use super::linear::{Linear, PackedLinear};
 use super::unet::{FoldedUNet, UNet, UNetConfig};
 use crate::gaussians::NUM_ATTRIBUTES;
+use crate::ops::segment::{self, Segments};
 use crate::ops::sparse_conv::KernelMap;
 
 /// What the heads of a pass predict.
@@ -60,8 +63,8 @@ impl Pass {
     /// When a shape does not fit.
     pub fn features(&self, voxel_rows: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
         let features = self.unet.forward(voxel_rows, levels, train)?;
-        let site_of = Tensor::from_slice(&levels.site_of, levels.site_of.len(), voxel_rows.device())?;
-        features.index_select(&site_of, 0)
+        let points = Segments::new(levels.site_of.clone(), levels.sites.len())?;
+        segment::gather(&features, &Arc::new(points))
     }
 
     /// As [`Pass::features`], each point's own gradients with them as [`with_own`] says, differentiable.

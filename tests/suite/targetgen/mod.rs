@@ -4,7 +4,7 @@ mod closed_form;
 mod deploy;
 mod edges;
 mod interruptions;
-mod job;
+pub(crate) mod job;
 mod problems;
 mod twin;
 

@@ -1,7 +1,7 @@
 //! Variation of what a step is computed from: crops, light, the initial Gaussians.
 
 use lgs_engine::{
-    gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY},
+    gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, QUAT},
     views::{DepthSample, View},
 };
 
@@ -98,12 +98,58 @@ pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Dice) {
     }
 }
 
+/// Adds normal noise of a standard deviation up to `most` to the colours of views, one deviation for all of them.
+pub(crate) fn add_noise(views: &mut [View], most: f64, dice: &mut Dice) {
+    let deviation = dice.uniform(0.0, most);
+    for value in views.iter_mut().flat_map(|view| &mut view.image.data) {
+        *value = (*value + narrow(deviation * dice.normal())).clamp(0.0, 1.0);
+    }
+}
+
+/// The scene and its views as a mirror shows them that stands upright along the x axis of the clip frame.
+pub(crate) fn mirror(set: &mut GaussianSet, views: &mut [View]) {
+    for (row, velocity) in set.attributes.iter_mut().zip(&mut set.velocities) {
+        row[MEAN][1] *= -1.0;
+        velocity[1] *= -1.0;
+        // (w, x, y, z): the axis of a turn is mirrored and its sense reversed.
+        row[QUAT][1] *= -1.0;
+        row[QUAT][3] *= -1.0;
+    }
+    for view in views {
+        let width = view.pinhole.width;
+        view.pinhole.cx = width as f32 - view.pinhole.cx;
+        // To the right in the mirror is what was to the left, in the clip frame along y and in the camera along x.
+        for (k, row) in view.pinhole.camera_from_clip.iter_mut().enumerate() {
+            row[1] *= -1.0;
+            if k == 0 {
+                row.iter_mut().for_each(|v| *v *= -1.0);
+            }
+        }
+        for row in view.image.data.chunks_exact_mut(3 * width) {
+            row.reverse();
+            row.as_chunks_mut::<3>().0.iter_mut().for_each(|pixel| pixel.reverse());
+        }
+        if let Some(labels) = &mut view.labels {
+            labels.chunks_exact_mut(width).for_each(<[_]>::reverse);
+        }
+        for sample in &mut view.depth_samples {
+            if let Ok(width) = u32::try_from(width) {
+                let column = sample.pixel % width;
+                sample.pixel = sample.pixel - column + (width - 1 - column);
+            }
+        }
+        view.depth_samples.sort_by_key(|sample| sample.pixel);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use lgs_engine::views::{DepthSample, PinholeView, Role, View};
     use lgs_formats::image::{PixelLabel, RgbImage};
 
-    use super::{Light, Window};
+    use lgs_engine::gaussians::GaussianSet;
+
+    use super::{Dice, Light, Window, add_noise, mirror};
 
     fn view(width: usize, height: usize) -> View {
         let pinhole = PinholeView {
@@ -151,6 +197,51 @@ mod tests {
     fn a_window_is_cut_to_the_image() {
         let part = Window { left: 5, top: 4, width: 100, height: 100 }.of(&view(7, 5));
         assert_eq!((part.pinhole.width, part.pinhole.height, part.image.data.len()), (2, 1, 6));
+    }
+
+    #[test]
+    fn a_mirrored_scene_looks_like_a_mirrored_image() {
+        let mut mirrored = [view(7, 5)];
+        let plain = &view(7, 5);
+        let mut set = GaussianSet {
+            attributes: vec![std::array::from_fn(|k| 0.1 * k as f32)],
+            times: vec![0.0],
+            velocities: vec![[1.0, 2.0, 3.0]],
+            num_lidar: 1,
+        };
+        let before = set.attributes[0];
+        mirror(&mut set, &mut mirrored);
+        let row = set.attributes[0];
+        assert_eq!(
+            (row[1], row[3], row[4], row[5], row[6]),
+            (-before[1], before[3], -before[4], before[5], -before[6])
+        );
+        assert_eq!(set.velocities[0], [1.0, -2.0, 3.0]);
+        let mirrored = &mirrored[0];
+        let (a, b) =
+            (plain.pinhole.project([0.3, -0.1, 4.0]).unwrap(), mirrored.pinhole.project([0.3, 0.1, 4.0]).unwrap());
+        assert!((a.u + b.u - 7.0).abs() < 1e-5 && (a.v - b.v).abs() < 1e-6, "{} {}", a.u, b.u);
+        let [r0, r1, r2] = mirrored.pinhole.camera_from_clip.map(|r| glam::Vec3::new(r[0], r[1], r[2]));
+        assert!((r0.cross(r1).dot(r2) - 1.0).abs() < 1e-6, "a camera stays right-handed");
+        for y in 0..5 {
+            for x in 0..7 {
+                let (from, to) = (y * 7 + x, y * 7 + 6 - x);
+                assert_eq!(mirrored.image.data[3 * to..3 * to + 3], plain.image.data[3 * from..3 * from + 3]);
+                assert_eq!(mirrored.labels.as_ref().unwrap()[to], plain.labels.as_ref().unwrap()[from]);
+                assert_eq!(mirrored.depth_samples[to].depth, plain.depth_samples[from].depth);
+            }
+        }
+    }
+
+    #[test]
+    fn noise_has_its_deviation_and_stays_in_range() {
+        let mut views = [view(40, 40)];
+        views[0].image.data.fill(0.5);
+        add_noise(&mut views, 0.0, &mut Dice::new(1, 2));
+        assert!(views[0].image.data.iter().all(|v| *v == 0.5));
+        add_noise(&mut views, 1.0, &mut Dice::new(1, 2));
+        assert!(views[0].image.data.iter().all(|v| (0.0..=1.0).contains(v)));
+        assert!(views[0].image.data.iter().any(|v| *v != 0.5));
     }
 
     #[test]

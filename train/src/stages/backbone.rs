@@ -1,9 +1,10 @@
-//! Stage 1: prediction, query and refinement by the rendering loss.
+//! The rendering loss and its gradient: prediction, query and refinement (stage 1), with the policy's decisions between them (stage 3).
 //!
 //! The scene is rendered after the prediction and after every refinement step. What these renderings say is used twice: the gradient of the
 //! input views is the next step's input, and the gradient of input and target views together is the loss gradient of the pass that
 //! has just run. Inputs of a refinement step are constants, so every pass is supervised on its own and its memory is freed.
 
+use candle_core::backprop::GradStore;
 use lgs_engine::{
     densify::{self, Action},
     gaussians::{GaussianSet, RawGradient},
@@ -13,11 +14,13 @@ use lgs_engine::{
     refine::silence,
     views::View,
 };
+use rayon::prelude::*;
 
 use super::{
-    passes::{BRANCHES, Outcome, Passes},
+    frozen::FrozenPolicy,
+    passes::{BRANCHES, Branch, Outcome, Passes},
     sample::Sample,
-    settings::Settings,
+    settings::{RunSettings, Settings},
     variables::{Values, Variables},
 };
 use crate::{error::Result, scenes::dice::Dice};
@@ -38,7 +41,7 @@ pub struct Losses {
 
 /// What a step computed.
 #[derive(Clone, Debug)]
-pub struct Computed {
+pub struct Rendered {
     /// After the prediction and after every refinement step.
     pub losses: Vec<Losses>,
     /// By all tensors.
@@ -51,7 +54,12 @@ pub struct Computed {
 ///
 /// # Errors
 /// When a position leaves the voxel grid.
-pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) -> Result<Computed> {
+pub fn compute(
+    variables: &Variables,
+    settings: &Settings,
+    policy: Option<&FrozenPolicy>,
+    sample: &mut Sample,
+) -> Result<Rendered> {
     let model = variables.model()?;
     let batch_statistics = settings.calibrates(sample.step);
     let passes = Passes { model: &model, config: variables.config(), batch_statistics };
@@ -62,7 +70,11 @@ pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) 
     let start = &sample.scene;
     let outcomes = outcomes(|branch| passes.initial(start, branch))?;
     let updated = updated(start, &outcomes)?;
-    let perturbed = perturb(&updated, settings, &mut sample.dice)?;
+    let actions = match policy {
+        Some(policy) => policy.actions(&outcomes, &updated, settings)?,
+        None => at_random(&updated, settings, &mut sample.dice),
+    };
+    let perturbed = Perturbed::by(&updated, actions, &mut sample.dice)?;
     let mut looked = look(&perturbed.set);
     let mut losses = vec![looked.losses];
     carry_back(variables, start, &outcomes, &perturbed.pulled_back(&looked.gradient, start.len()), &mut gradients)?;
@@ -78,12 +90,14 @@ pub fn compute(variables: &Variables, settings: &Settings, sample: &mut Sample) 
         carry_back(variables, &set, &outcomes, &looked.gradient, &mut gradients)?;
         set = next;
     }
-    Ok(Computed { losses, gradients, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
+    Ok(Rendered { losses, gradients, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
 }
 
-fn outcomes(run: impl Fn(super::passes::Branch) -> Result<Option<Outcome>>) -> Result<Vec<Outcome>> {
-    let both: Result<Vec<Option<Outcome>>> = BRANCHES.into_iter().map(run).collect();
-    Ok(both?.into_iter().flatten().collect())
+/// The outcomes of both branches, which run side by side: one's serial parts do not hold up the other.
+fn outcomes(run: impl Fn(Branch) -> Result<Option<Outcome>> + Sync) -> Result<Vec<Outcome>> {
+    let [first, second] = BRANCHES;
+    let (first, second) = rayon::join(|| run(first), || run(second));
+    Ok([first?, second?].into_iter().flatten().collect())
 }
 
 fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
@@ -102,11 +116,12 @@ fn carry_back(
     gradient: &RawGradient,
     sums: &mut Values,
 ) -> Result<()> {
-    for outcome in outcomes {
+    let back = |outcome: &Outcome| {
         let v_outputs = residual_gradients(before, &outcome.chosen, gradient, outcome.width()?);
-        variables.add_gradients(&outcome.carry(v_outputs)?.backward()?, sums)?;
-    }
-    Ok(())
+        Ok(outcome.carry(v_outputs)?.backward()?)
+    };
+    let stores: Vec<Result<GradStore>> = outcomes.par_iter().map(back).collect();
+    stores.into_iter().try_for_each(|store| variables.add_gradients(&store?, sums))
 }
 
 /// A scene as the views see it.
@@ -146,7 +161,7 @@ fn mixed(a: &RawGradient, b: &RawGradient, share: f32) -> RawGradient {
     }
 }
 
-/// A set after a random update, and where its primitives come from.
+/// A set after an update, and where its primitives come from.
 struct Perturbed {
     set: GaussianSet,
     /// `[N]` index in the set before; `None` when nothing was changed.
@@ -154,6 +169,12 @@ struct Perturbed {
 }
 
 impl Perturbed {
+    fn by(set: &GaussianSet, actions: Option<Vec<Action>>, dice: &mut Dice) -> Result<Self> {
+        let Some(actions) = actions else { return Ok(Self { set: set.clone(), sources: None }) };
+        let sources = densify::origins(&actions).into_iter().chain(set.num_lidar..set.len()).collect();
+        Ok(Self { set: densify::apply(set, &actions, u64::from(dice.bits()))?, sources: Some(sources) })
+    }
+
     /// The gradient by the primitives before the update: a copy's is added to that of its source.
     fn pulled_back(&self, gradient: &RawGradient, num_before: usize) -> RawGradient {
         let Some(sources) = &self.sources else { return gradient.clone() };
@@ -166,10 +187,10 @@ impl Perturbed {
     }
 }
 
-/// Prunes and copies at random in a share of the steps, so that the refinement knows sets that a policy has changed.
-fn perturb(set: &GaussianSet, settings: &Settings, dice: &mut Dice) -> Result<Perturbed> {
+/// Actions at random in a share of the steps, so that the refinement knows sets that a policy has changed; `None`: no change.
+fn at_random(set: &GaussianSet, settings: &Settings, dice: &mut Dice) -> Option<Vec<Action>> {
     if !dice.chance(settings.perturbed) || set.num_lidar == 0 {
-        return Ok(Perturbed { set: set.clone(), sources: None });
+        return None;
     }
     let [prune, copy] = PERTURBED.map(|most| dice.uniform(0.0, most));
     let action = |dice: &mut Dice| match dice.unit() {
@@ -177,9 +198,5 @@ fn perturb(set: &GaussianSet, settings: &Settings, dice: &mut Dice) -> Result<Pe
         u if u < prune + copy => Action::Copy,
         _ => Action::Keep,
     };
-    let actions: Vec<Action> = (0..set.num_lidar).map(|_| action(dice)).collect();
-    let of = |wanted: fn(Action) -> bool| (0..actions.len()).filter(|&i| wanted(actions[i])).collect::<Vec<usize>>();
-    let sources = [of(|a| a != Action::Prune), of(|a| a == Action::Copy), (set.num_lidar..set.len()).collect()];
-    let seed = u64::from(dice.bits());
-    Ok(Perturbed { set: densify::apply(set, &actions, seed)?, sources: Some(sources.concat()) })
+    Some((0..set.num_lidar).map(|_| action(dice)).collect())
 }

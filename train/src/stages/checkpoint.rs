@@ -1,16 +1,17 @@
 //! Checkpoints: everything that a run needs to go on as if it had never stopped, and the weights for inference.
 
-use std::{borrow::Cow, collections::HashMap, path::Path};
+use std::path::Path;
 
-use lgs_engine::network::{config::ModelConfig, model::Model, source::CONFIG_KEY, weights::TensorSpec};
-use lgs_formats::{error::FormatError, write::write_atomic};
-use safetensors::{Dtype, SafeTensors, View};
+use lgs_engine::network::{config::ModelConfig, model::Model, weights::TensorSpec};
+use lgs_formats::error::FormatError;
+use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 
 use super::{
     adamw::AdamW,
-    settings::Settings,
+    settings::{RunSettings, StageName},
     variables::{Values, Variables},
+    weights::{Precision, Stored, json, write_file, write_weights},
 };
 use crate::error::{Result, TrainError};
 
@@ -25,9 +26,9 @@ const METADATA_KEY: &str = "checkpoint";
 
 /// The state of a run between two steps. The draws of a step depend on the seed and the step alone, so the step is their state.
 #[derive(Debug)]
-pub struct State {
+pub struct State<S> {
     /// Settings of the run.
-    pub settings: Settings,
+    pub settings: S,
     /// Steps done.
     pub step: u64,
     /// Of these, steps that were skipped because something was not finite.
@@ -42,46 +43,40 @@ pub struct State {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Metadata {
+struct Metadata<S> {
     format: String,
+    #[serde(default)]
+    stage: StageName,
     config: ModelConfig,
-    settings: Settings,
+    settings: S,
     step: u64,
     updates: u64,
     skipped: u64,
 }
 
-struct Stored<'a> {
-    shape: &'a [usize],
-    values: &'a [f32],
+/// The stage of a checkpoint, before anything else of it is understood.
+#[derive(Deserialize)]
+struct Stage {
+    #[serde(default)]
+    stage: StageName,
 }
 
-impl View for Stored<'_> {
-    fn dtype(&self) -> Dtype {
-        Dtype::F32
-    }
-
-    fn shape(&self) -> &[usize] {
-        self.shape
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        self.values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>().into()
-    }
-
-    fn data_len(&self) -> usize {
-        4 * self.values.len()
-    }
-}
-
-impl State {
-    /// The start of a run.
+impl<S: RunSettings> State<S> {
+    /// The start of a run with seeded weights.
     ///
     /// # Errors
     /// When a setting is out of its range.
-    pub fn new(config: &ModelConfig, settings: Settings) -> Result<Self> {
+    pub fn new(config: &ModelConfig, settings: S) -> Result<Self> {
+        let variables = Variables::seeded(config, settings.optimisation().seed)?;
+        Self::of(variables, settings)
+    }
+
+    /// The start of a run with given weights.
+    ///
+    /// # Errors
+    /// When a setting is out of its range.
+    pub fn of(variables: Variables, settings: S) -> Result<Self> {
         settings.validate()?;
-        let variables = Variables::seeded(config, settings.seed)?;
         let (adam, average) = (AdamW::new(&variables), variables.values()?);
         Ok(Self { settings, step: 0, skipped: 0, variables, average, adam })
     }
@@ -93,6 +88,7 @@ impl State {
     pub fn write(&self, dir: &Path) -> Result<()> {
         let metadata = Metadata {
             format: FORMAT.to_owned(),
+            stage: self.settings.stage(),
             config: self.variables.config().clone(),
             settings: self.settings.clone(),
             step: self.step,
@@ -108,28 +104,19 @@ impl State {
         ];
         let tensors = parts.into_iter().flat_map(|(part, values)| {
             let stored = self.variables.specs().iter().zip(values);
-            stored.map(move |(spec, values)| (format!("{part}.{}", spec.name), Stored { shape: &spec.shape, values }))
+            stored.map(move |(spec, values)| (format!("{part}.{}", spec.name), Stored::full(spec, values)))
         });
         let path = dir.join(CHECKPOINT_FILE);
         write_file(&path, tensors.collect(), METADATA_KEY, &json(&path, &metadata)?)?;
-        self.write_weights(&dir.join(WEIGHTS_FILE))
+        let averaged = Variables::with_values(self.variables.config(), &self.average)?;
+        write_weights(&averaged, Precision::Full, &dir.join(WEIGHTS_FILE))
     }
 
-    /// Nothing: afterwards `path` holds the average of the weights, as inference loads it.
+    /// The state of the checkpoint in `dir`, which is of the stage `expected`.
     ///
     /// # Errors
-    /// When the file cannot be written.
-    pub fn write_weights(&self, path: &Path) -> Result<()> {
-        let stored = self.variables.specs().iter().zip(&self.average);
-        let tensors = stored.map(|(spec, values)| (spec.name.clone(), Stored { shape: &spec.shape, values }));
-        write_file(path, tensors.collect(), CONFIG_KEY, &json(path, self.variables.config())?)
-    }
-
-    /// The state of the checkpoint in `dir`.
-    ///
-    /// # Errors
-    /// When the file cannot be read, or is no checkpoint of a model of this version.
-    pub fn read(dir: &Path) -> Result<Self> {
+    /// When the file cannot be read, or is no checkpoint of this stage and version.
+    pub fn read(dir: &Path, expected: StageName) -> Result<Self> {
         let path = dir.join(CHECKPOINT_FILE);
         let bytes = std::fs::read(&path).map_err(|source| FormatError::io(&path, "read", source))?;
         let fault = |field: &str, expected: &str, found: String| TrainError::Checkpoint {
@@ -142,8 +129,16 @@ impl State {
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(broken)?;
         let text = header.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
         let text = text.ok_or_else(|| fault(METADATA_KEY, "a string", "nothing".to_owned()))?;
-        let metadata: Metadata =
-            serde_json::from_str(text).map_err(|error| fault(METADATA_KEY, FORMAT, error.to_string()))?;
+        let unclear = |error: serde_json::Error| fault(METADATA_KEY, FORMAT, error.to_string());
+        let Stage { stage } = serde_json::from_str(text).map_err(unclear)?;
+        let metadata: Metadata<S> = match serde_json::from_str(text) {
+            Ok(metadata) => metadata,
+            Err(_) if stage != expected => return Err(fault("stage", &format!("{expected:?}"), format!("{stage:?}"))),
+            Err(error) => return Err(unclear(error)),
+        };
+        if stage != expected || metadata.settings.stage() != expected {
+            return Err(fault("stage", &format!("{expected:?}"), format!("{stage:?}")));
+        }
         if metadata.format != FORMAT {
             return Err(fault("format", FORMAT, metadata.format));
         }
@@ -183,17 +178,4 @@ fn tensor(
         Some(found) => Err(fault(name, "finite values", found.to_string())),
         None => Ok(values),
     }
-}
-
-fn json(path: &Path, value: &impl Serialize) -> Result<String> {
-    let failed = |error: serde_json::Error| TrainError::Encode { file: path.to_owned(), reason: error.to_string() };
-    serde_json::to_string(value).map_err(failed)
-}
-
-fn write_file(path: &Path, tensors: Vec<(String, Stored<'_>)>, key: &str, text: &str) -> Result<()> {
-    let metadata = HashMap::from([(key.to_owned(), text.to_owned())]);
-    let failed =
-        |error: safetensors::SafeTensorError| TrainError::Encode { file: path.to_owned(), reason: error.to_string() };
-    let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(failed)?;
-    Ok(write_atomic(path, &bytes)?)
 }

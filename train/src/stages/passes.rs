@@ -34,6 +34,8 @@ pub(crate) struct Outcome {
     pub(crate) chosen: Vec<usize>,
     /// `[n, width]`, differentiable.
     pub(crate) outputs: Tensor,
+    /// `[n, width of the U-Net]` what the heads read, after the query where there is one.
+    pub(crate) features: Tensor,
 }
 
 /// The model, and how its normalisation takes statistics.
@@ -92,7 +94,7 @@ impl Passes<'_> {
         {
             features = query.forward(&features, &neighbours.indices.into(), config.neighbours)?;
         }
-        Ok(Some(Outcome { outputs: pass.heads(&features)?, chosen }))
+        Ok(Some(Outcome { outputs: pass.heads(&features)?, features, chosen }))
     }
 
     /// A refinement step of the Gaussians of a branch that are `seen`; `None` when there is none.
@@ -117,7 +119,7 @@ impl Passes<'_> {
         let own = Tensor::from_vec(rows.own, (chosen.len(), num_own), &Device::Cpu)?;
         let voxel_rows = voxel_rows(&levels, &rows.inputs, cin)?;
         let features = pass.features_with_own(&voxel_rows, &own, &levels, self.batch_statistics)?;
-        Ok(Some(Outcome { outputs: pass.heads(&features)?, chosen }))
+        Ok(Some(Outcome { outputs: pass.heads(&features)?, features, chosen }))
     }
 
     fn levels(&self, set: &GaussianSet, chosen: &[usize], branch: Branch) -> Result<Levels> {

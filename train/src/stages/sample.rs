@@ -8,7 +8,7 @@ use lgs_engine::{
 use lgs_formats::pose::Pose;
 
 use super::{
-    augment::{Light, Window, disturb},
+    augment::{Light, Window, add_noise, disturb, mirror},
     clips::{Draw, TrainingClip},
     settings::Settings,
 };
@@ -59,12 +59,22 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         }
         light.apply(view);
     }
+    if settings.noise > 0.0 {
+        add_noise(&mut inputs, settings.noise, &mut dice);
+    }
     let frames = draw.selection().frames(draw.dir().clip())?;
     let start = Inputs::new(draw.dir(), &frames, frame, inputs)?;
     let mut scene = reconstruct(&start, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
-    let inputs = start.into_views();
+    let mut inputs = start.into_views();
     if dice.chance(DISTURBED) {
         disturb(&mut scene, &mut dice);
+    }
+    // Without a share nothing is drawn: runs from before there was one go on as they were.
+    if settings.mirrored > 0.0 && dice.chance(settings.mirrored) {
+        let num_inputs = inputs.len();
+        inputs.append(&mut targets);
+        mirror(&mut scene, &mut inputs);
+        targets = inputs.split_off(num_inputs);
     }
     Ok(Sample { step, scene, inputs, targets, dice })
 }

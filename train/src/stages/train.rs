@@ -1,4 +1,4 @@
-//! The loop of stage 1: samples, steps, checkpoints, validation.
+//! The loop of every stage: samples, steps, checkpoints, validation.
 
 use std::{
     path::{Path, PathBuf},
@@ -6,34 +6,28 @@ use std::{
     time::Instant,
 };
 
-use lgs_engine::network::{model::FoldedModel, weights::TensorSpec};
+use lgs_engine::network::weights::TensorSpec;
 use lgs_formats::error::FormatError;
 
 use super::{
     adamw::{self, Update},
-    backbone::{Computed, compute},
     checkpoint::State,
-    clips::TrainingClip,
     plot::plot,
     record::Table,
-    sample::{Sample, sample},
-    validate::{Score, ValidationClip, mean_score},
+    settings::RunSettings,
+    task::Task,
     variables::Variables,
 };
-use crate::error::{Result, TrainError};
+use crate::error::Result;
 
 /// Samples that are made ahead.
 const AHEAD: usize = 2;
-/// Tensors that this stage leaves as they are begin so.
-const OTHER_STAGES: &str = "policy.";
 
-/// Where a run reads and writes, and how often.
+/// A stage, where its run writes, and how often.
 #[derive(Debug)]
-pub struct Job {
-    /// Clips that the network learns from.
-    pub clips: Vec<TrainingClip>,
-    /// Clips that it is measured on.
-    pub validation: Vec<ValidationClip>,
+pub struct Job<T> {
+    /// The stage.
+    pub task: T,
     /// Directory of checkpoints, tables and pictures.
     pub out: PathBuf,
     /// Steps between two checkpoints.
@@ -45,42 +39,53 @@ pub struct Job {
 /// Somebody who is told how far a run is.
 pub trait Observer {
     /// A step is done.
-    fn step(&self, step: u64, row: &StepReport);
+    fn step(&self, step: u64, report: &StepReport<'_>);
     /// A validation is done.
-    fn validated(&self, step: u64, score: &Score);
+    fn validated(&self, step: u64, text: &str);
 }
 
 /// What one step did.
 #[derive(Clone, Debug)]
-pub struct StepReport {
+pub struct StepReport<'a> {
     /// The learning rate.
     pub rate: f64,
-    /// Losses of the input views and of the target views, after the prediction and after every refinement step.
-    pub losses: Vec<super::backbone::Losses>,
     /// Norm of the whole gradient before it was cut; NaN when the step was skipped.
     pub gradient: f64,
     /// Seconds.
     pub seconds: f64,
-    /// Gaussians of both branches.
-    pub gaussians: [usize; 2],
+    /// Names of `values`.
+    pub columns: &'a [String],
+    /// What the stage records.
+    pub values: Vec<f64>,
+    /// The values in a few words.
+    pub text: String,
+}
+
+impl StepReport<'_> {
+    /// The value of a column.
+    pub fn value(&self, column: &str) -> Option<f64> {
+        let at = self.columns.iter().position(|name| name == column)?;
+        self.values.get(at).copied()
+    }
 }
 
 /// Trains until the last step of the settings.
 ///
 /// # Errors
-/// Whatever is wrong with a clip; a file that cannot be written; a validation clip that is trained on.
-pub fn train(state: &mut State, job: &Job, observer: &dyn Observer) -> Result<()> {
-    refuse_overlap(job)?;
+/// Whatever is wrong with what is read; a file that cannot be written; something to measure on that is trained on.
+pub fn train<T: Task>(state: &mut State<T::Settings>, job: &Job<T>, observer: &dyn Observer) -> Result<()> {
+    job.task.check()?;
     std::fs::create_dir_all(&job.out).map_err(|e| FormatError::io(&job.out, "create", e))?;
-    let mut tables = Tables::open(&job.out, state)?;
-    let (first, last) = (state.step, state.settings.schedule.steps);
+    let columns = job.task.columns(&state.settings);
+    let mut tables = Tables::open(&job.out, state.step, &columns.step, &columns.validation)?;
+    let (first, last) = (state.step, state.settings.optimisation().schedule.steps);
     let settings = state.settings.clone();
     std::thread::scope(|scope| {
-        let (sender, receiver) = sync_channel::<Result<Sample>>(AHEAD);
+        let (sender, receiver) = sync_channel::<Result<T::Sample>>(AHEAD);
         scope.spawn(move || {
             for step in first..last {
                 // The other end is gone when a step has failed.
-                if sender.send(sample(&job.clips, &settings, step)).is_err() {
+                if sender.send(job.task.sample(&settings, step)).is_err() {
                     break;
                 }
             }
@@ -90,9 +95,9 @@ pub fn train(state: &mut State, job: &Job, observer: &dyn Observer) -> Result<()
         }
         for made in receiver {
             let start = Instant::now();
-            let mut report = one_step(state, made?)?;
+            let mut report = one_step(state, &job.task, made?, &columns.step)?;
             report.seconds = start.elapsed().as_secs_f64();
-            tables.push(state, &report);
+            tables.push(state.step, &report);
             observer.step(state.step, &report);
             let done = state.step == last;
             if done || state.step.is_multiple_of(job.validate_every) {
@@ -101,77 +106,74 @@ pub fn train(state: &mut State, job: &Job, observer: &dyn Observer) -> Result<()
             if done || state.step.is_multiple_of(job.checkpoint_every) {
                 state.write(&job.out)?;
                 tables.steps.write()?;
-                tables.draw(&job.out)?;
+                tables.draw(&job.task, &job.out)?;
             }
         }
         Ok(())
     })
 }
 
-fn refuse_overlap(job: &Job) -> Result<()> {
-    let trained: Vec<String> = job.clips.iter().map(TrainingClip::identity).collect();
-    match job.validation.iter().find(|clip| trained.contains(&clip.identity)) {
-        Some(clip) => Err(TrainError::config("validation", "clips that are not trained on", &clip.identity)),
-        None => Ok(()),
-    }
-}
-
-fn is_trained(spec: &TensorSpec) -> bool {
-    spec.is_parameter() && !spec.name.starts_with(OTHER_STAGES)
-}
-
 /// One step. One that meets a value that is not finite changes nothing and is counted.
-fn one_step(state: &mut State, mut sample: Sample) -> Result<StepReport> {
-    let rate = state.settings.schedule.rate(state.step);
+fn one_step<'a, T: Task>(
+    state: &mut State<T::Settings>,
+    task: &T,
+    sample: T::Sample,
+    columns: &'a [String],
+) -> Result<StepReport<'a>> {
+    let options = state.settings.optimisation();
+    let trained = |spec: &TensorSpec| spec.is_parameter() && task.trains(spec);
     let before = state.variables.values()?;
-    let mut computed = compute(&state.variables, &state.settings, &mut sample)?;
-    let specs = state.variables.specs();
-    let norm = adamw::norm(&computed.gradients, specs, is_trained);
-    let finite = norm.is_finite() && computed.losses.iter().all(|l| l.inputs.is_finite() && l.targets.is_finite());
+    let mut computed = task.compute(&state.variables, &state.settings, sample)?;
+    let norm = adamw::norm(&computed.gradients, state.variables.specs(), trained);
+    let calibrates = state.settings.calibrates(state.step);
+    let rate = if calibrates { 0.0 } else { options.schedule.rate(state.step) };
+    let text = task.step_text(&state.settings, &computed.values);
     state.step += 1;
-    let Computed { losses, gaussians, .. } = &computed;
-    let (losses, gaussians) = (losses.clone(), *gaussians);
-    if !finite || sample.scene.is_empty() {
+    let values = std::mem::take(&mut computed.values);
+    let report = StepReport { rate, gradient: norm, seconds: 0.0, columns, values, text };
+    if !norm.is_finite() || !computed.usable {
         state.skipped += 1;
         // Running statistics may have followed what was not finite.
         for (k, values) in before.into_iter().enumerate() {
             state.variables.set(k, values)?;
         }
-        return Ok(StepReport { rate, losses, gradient: f64::NAN, seconds: 0.0, gaussians });
+        return Ok(StepReport { gradient: f64::NAN, ..report });
     }
-    if state.settings.calibrates(sample.step) {
+    if calibrates {
         state.average = state.variables.values()?;
-        return Ok(StepReport { rate: 0.0, losses, gradient: norm, seconds: 0.0, gaussians });
+        return Ok(report);
     }
-    if norm > state.settings.max_gradient {
-        adamw::scale(&mut computed.gradients, state.settings.max_gradient / norm);
+    if norm > options.max_gradient {
+        adamw::scale(&mut computed.gradients, options.max_gradient / norm);
     }
-    let update = Update { rate, decay: state.settings.weight_decay };
-    state.adam.update(&state.variables, &computed.gradients, update, is_trained)?;
-    follow(state)?;
-    Ok(StepReport { rate, losses, gradient: norm, seconds: 0.0, gaussians })
+    let update = Update { rate, decay: options.weight_decay };
+    state.adam.update(&state.variables, &computed.gradients, update, trained)?;
+    follow(state, options.average)?;
+    Ok(report)
 }
 
 /// Moves the average towards the weights; quickly at first.
-fn follow(state: &mut State) -> Result<()> {
+fn follow<S: RunSettings>(state: &mut State<S>, average: f64) -> Result<()> {
     let updates = state.adam.updates as f64;
-    let keep = crate::scenes::maths::narrow(state.settings.average.min((1.0 + updates) / (10.0 + updates)));
+    let keep = crate::scenes::maths::narrow(average.min((1.0 + updates) / (10.0 + updates)));
     for (average, values) in state.average.iter_mut().zip(state.variables.values()?) {
         average.iter_mut().zip(values).for_each(|(a, v)| *a = keep * *a + (1.0 - keep) * v);
     }
     Ok(())
 }
 
-fn validate(state: &State, job: &Job, tables: &mut Tables, observer: &dyn Observer) -> Result<()> {
-    if job.validation.is_empty() {
-        return Ok(());
-    }
+fn validate<T: Task>(
+    state: &State<T::Settings>,
+    job: &Job<T>,
+    tables: &mut Tables,
+    observer: &dyn Observer,
+) -> Result<()> {
     let variables = Variables::with_values(state.variables.config(), &state.average)?;
-    let model: FoldedModel = variables.model()?.fold(variables.config())?;
-    let score = mean_score(&job.validation, &model, state.settings.refine_steps)?;
-    tables.validation.push([state.step as f64, score.start].into_iter().chain(score.after.clone()).collect());
+    let Some(values) = job.task.score(&variables, &state.settings)? else { return Ok(()) };
+    let text = job.task.score_text(&values);
+    tables.validation.push([state.step as f64].into_iter().chain(values).collect());
     tables.validation.write()?;
-    observer.validated(state.step, &score);
+    observer.validated(state.step, &text);
     Ok(())
 }
 
@@ -182,43 +184,32 @@ struct Tables {
 }
 
 impl Tables {
-    fn open(dir: &Path, state: &State) -> Result<Self> {
-        let states: Vec<String> = (0..=state.settings.refine_steps).map(|k| format!("after_{k}")).collect();
-        let losses = |kind: &str| states.iter().map(|s| format!("{kind}_{s}")).collect::<Vec<_>>();
-        let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
-        let columns =
-            [names(&["step", "rate", "gradient", "seconds", "lidar", "background"]), losses("inputs")].concat();
-        let columns = [columns, losses("targets"), names(&["l1", "dissimilarity", "depth", "speed"])].concat();
-        let steps = Table::open(dir.join("steps.csv"), columns, state.step)?;
-        let columns = [names(&["step", "start"]), states].concat();
-        let validation = Table::open(dir.join("validation.csv"), columns, state.step)?;
-        Ok(Self { steps, validation })
+    fn open(dir: &Path, step: u64, of_steps: &[String], of_validation: &[String]) -> Result<Self> {
+        let named = |first: &[&str], rest: &[String]| -> Vec<String> {
+            first.iter().map(ToString::to_string).chain(rest.iter().cloned()).collect()
+        };
+        let steps = named(&["step", "rate", "gradient", "seconds"], of_steps);
+        Ok(Self {
+            steps: Table::open(dir.join("steps.csv"), steps, step)?,
+            validation: Table::open(dir.join("validation.csv"), named(&["step"], of_validation), step)?,
+        })
     }
 
     /// Pictures of the tables.
-    fn draw(&self, dir: &Path) -> Result<()> {
-        let starting = |table: &Table, prefix: &str| -> Vec<usize> {
-            let named = table.columns().iter().enumerate().filter(|(_, name)| name.starts_with(prefix));
-            named.map(|(k, _)| k).collect()
-        };
-        let parts = ["l1", "dissimilarity", "depth", "speed"].map(|name| starting(&self.steps, name)).concat();
-        let pictures = [
-            (&self.steps, starting(&self.steps, "inputs"), "loss of the input views", "loss_inputs.png"),
-            (&self.steps, starting(&self.steps, "targets"), "loss of the target views", "loss_targets.png"),
-            (&self.steps, parts, "terms of the loss of the target views after the last step", "loss_terms.png"),
-            (&self.steps, starting(&self.steps, "gradient"), "norm of the gradient", "gradient.png"),
-            (&self.validation, (1..self.validation.columns().len()).collect(), "validation PSNR, dB", "validation.png"),
-        ];
-        pictures.iter().try_for_each(|(table, columns, title, file)| plot(table, columns, title, &dir.join(file)))
+    fn draw<T: Task>(&self, task: &T, dir: &Path) -> Result<()> {
+        for picture in task.pictures() {
+            let named = self.steps.columns().iter().enumerate();
+            let wanted = named.filter(|(_, name)| picture.prefixes.iter().any(|prefix| name.starts_with(prefix)));
+            let columns: Vec<usize> = wanted.map(|(k, _)| k).collect();
+            plot(&self.steps, &columns, picture.title, &dir.join(picture.file))?;
+        }
+        let all: Vec<usize> = (1..self.validation.columns().len()).collect();
+        plot(&self.validation, &all, "validation", &dir.join("validation.png"))
     }
 
-    fn push(&mut self, state: &State, report: &StepReport) {
-        let [lidar, background] = report.gaussians.map(|n| n as f64);
-        let mut row = vec![state.step as f64, report.rate, report.gradient, report.seconds, lidar, background];
-        row.extend(report.losses.iter().map(|l| l.inputs));
-        row.extend(report.losses.iter().map(|l| l.targets));
-        let last = report.losses.last().map(|l| l.terms).unwrap_or_default();
-        row.extend([last.l1, last.dissimilarity, last.depth, last.speed]);
+    fn push(&mut self, step: u64, report: &StepReport<'_>) {
+        let mut row = vec![step as f64, report.rate, report.gradient, report.seconds];
+        row.extend(&report.values);
         self.steps.push(row);
     }
 }

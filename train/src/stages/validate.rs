@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use lgs_engine::{
+    densify::{Scores, Thresholds, apply, by_thresholds},
     evaluate::psnr::psnr,
     gaussians::{GaussianSet, background::Mode, physical::to_physical},
     network::model::FoldedModel,
     pipeline::{HoldOut, Inputs, Silent, Watch, reconstruct},
-    predict::{backbone, predict, query},
+    predict::{backbone, predict, query, scores},
     refine::refine,
     render::render,
     views::{ClipFrame, Role, Selection, View, load_views},
@@ -55,16 +56,21 @@ impl ValidationClip {
         Ok(Self { identity, start, inputs: inputs.into_views(), held_out })
     }
 
-    /// The score of a model.
+    /// The score of a model, its policy's decisions applied where there are thresholds.
     ///
     /// # Errors
     /// When a position leaves the voxel grid.
-    pub fn score(&self, model: &FoldedModel, refine_steps: usize) -> Result<Score> {
+    pub fn score(&self, model: &FoldedModel, refine_steps: usize, thresholds: Option<Thresholds>) -> Result<Score> {
         let mut set = self.start.clone();
         let start = self.psnr(&set);
         let mut features = backbone(&set, model)?;
         query(&mut features, &set, model)?;
         predict(&mut set, &mut features, model)?;
+        if let Some(thresholds) = thresholds
+            && let Some([prune, add]) = scores(&mut features, &set, model)?
+        {
+            set = apply(&set, &by_thresholds(&Scores { prune, add }, thresholds)?, 0)?;
+        }
         let mut after = vec![self.psnr(&set)];
         let views: Vec<&View> = self.inputs.iter().collect();
         for _ in 0..refine_steps {
@@ -89,8 +95,14 @@ impl ValidationClip {
 ///
 /// # Errors
 /// As [`ValidationClip::score`].
-pub fn mean_score(clips: &[ValidationClip], model: &FoldedModel, refine_steps: usize) -> Result<Score> {
-    let scores: Vec<Score> = clips.iter().map(|clip| clip.score(model, refine_steps)).collect::<Result<_>>()?;
+pub fn mean_score(
+    clips: &[ValidationClip],
+    model: &FoldedModel,
+    refine_steps: usize,
+    thresholds: Option<Thresholds>,
+) -> Result<Score> {
+    let score = |clip: &ValidationClip| clip.score(model, refine_steps, thresholds);
+    let scores: Vec<Score> = clips.iter().map(score).collect::<Result<_>>()?;
     let mean = |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
     Ok(Score { start: mean(&|s| s.start), after: (0..=refine_steps).map(|k| mean(&|s| s.after[k])).collect() })
 }

@@ -10,8 +10,8 @@ use crate::ops::norm;
 pub(super) const LAYER_EPS: f32 = 1e-5;
 /// Added to the variance of a column (Point Transformer V3's choice).
 pub(super) const BATCH_EPS: f64 = 1e-3;
-/// Share of the batch at hand in the running statistics (Point Transformer V3's choice).
-const MOMENTUM: f64 = 0.01;
+/// Share of the batch at hand in the running statistics: a batch is one scene, as in the other networks.
+const MOMENTUM: f64 = 0.05;
 
 /// Normalisation of rows.
 #[derive(Clone, Debug)]

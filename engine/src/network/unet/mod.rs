@@ -16,6 +16,7 @@ pub use folded::FoldedUNet;
 
 use super::layers::ConvNorm;
 use super::levels::{Level, Levels};
+use crate::ops::sparse_conv::add_relu;
 
 /// Channels of a U-Net.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -110,18 +111,18 @@ impl UNet {
     /// When a shape does not fit the pyramid.
     pub fn forward(&self, features: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
         let finest = &levels.levels[0];
-        let mut x = self.stem[0].forward(features, &finest.submanifold, train)?.relu()?;
-        x = self.stem[1].forward(&x, &finest.submanifold, train)?.relu()?;
+        let mut x = self.stem[0].forward(features, &finest.submanifold, train, true)?;
+        x = self.stem[1].forward(&x, &finest.submanifold, train, true)?;
         let mut skips = Vec::new();
         for (stage, pair) in self.encoder.iter().zip(levels.levels.windows(2)) {
             let Some([down, _]) = &pair[0].halving else { continue };
             skips.push(x.clone());
-            x = stage.resample.forward(&x, down, train)?.relu()?;
+            x = stage.resample.forward(&x, down, train, true)?;
             x = stage.forward(&x, &pair[1], train)?;
         }
         for (stage, level) in self.decoder.iter().zip(levels.levels[..self.encoder.len()].iter().rev()) {
             let (Some([_, up]), Some(skip)) = (&level.halving, skips.pop()) else { continue };
-            x = stage.resample.forward(&x, up, train)?.relu()?;
+            x = stage.resample.forward(&x, up, train, true)?;
             x = stage.forward(&Tensor::cat(&[&x, &skip], 1)?, level, train)?;
         }
         Ok(x)
@@ -150,11 +151,11 @@ impl ResidualBlock {
     }
 
     fn forward(&self, x: &Tensor, level: &Level, train: bool) -> Result<Tensor> {
-        let inner = self.first.forward(x, &level.submanifold, train)?.relu()?;
-        let inner = self.second.forward(&inner, &level.submanifold, train)?;
+        let inner = self.first.forward(x, &level.submanifold, train, true)?;
+        let inner = self.second.forward(&inner, &level.submanifold, train, false)?;
         match &self.shortcut {
-            Some(shortcut) => (inner + shortcut.forward(x, &level.pointwise, train)?)?.relu(),
-            None => (inner + x)?.relu(),
+            Some(shortcut) => add_relu(&inner, &shortcut.forward(x, &level.pointwise, train, false)?),
+            None => add_relu(&inner, x),
         }
     }
 }

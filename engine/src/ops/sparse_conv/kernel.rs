@@ -61,7 +61,17 @@ impl PackedWeights {
     /// # Shapes
     /// `weight.len() = cout * num_offsets * cin`, which the caller has checked.
     pub fn of_checkpoint(weight: &[f32], num_offsets: usize, cin: usize, cout: usize) -> Self {
-        Self::pack(num_offsets, cin, cout, |o, k, c| weight[(c * num_offsets + o) * cin + k])
+        let panels = cout.div_ceil(PANEL);
+        let mut data = vec![0.0_f32; num_offsets * panels * cin * PANEL];
+        // Row by row of the checkpoint, so that reading is in order and writing stays within a panel.
+        data.par_chunks_mut(PANEL.max(cin * PANEL)).enumerate().for_each(|(i, panel)| {
+            let (offset, first) = (i / panels, i % panels * PANEL);
+            for c in first..cout.min(first + PANEL) {
+                let row = &weight[(c * num_offsets + offset) * cin..][..cin];
+                panel[c - first..].iter_mut().step_by(PANEL).zip(row).for_each(|(value, &w)| *value = w);
+            }
+        });
+        Self { cin, cout, num_offsets, data }
     }
 
     fn panel(&self, offset: usize, panel: usize) -> &[f32] {

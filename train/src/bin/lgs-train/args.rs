@@ -12,7 +12,7 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::backbone_args::BackboneArgs;
+use crate::{backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs};
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -30,6 +30,27 @@ pub(crate) enum Command {
     Scenes(ScenesArgs),
     /// Trains prediction, query and refinement by the rendering loss (stage 1)
     Backbone(Box<BackboneArgs>),
+    /// Trains the densify policy on targets that lgs-targetgen made (stage 2)
+    Policy(Box<PolicyArgs>),
+    /// Trains prediction, query and refinement again with the policy's decisions applied (stage 3)
+    Finetune(Box<FinetuneArgs>),
+    /// Writes a copy of a weights file
+    Export(ExportArgs),
+}
+
+/// Flags of `export`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// Weights file to copy
+    #[arg(value_name = "WEIGHTS")]
+    pub(crate) weights: PathBuf,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Stores what convolutions and linear layers multiply by in 16 bits: half the size; another SHA-256, so targets
+    /// are to be made with the file that ships
+    #[arg(long)]
+    pub(crate) half: bool,
 }
 
 const CAMERAS_HELP: &str =
@@ -226,7 +247,7 @@ mod tests {
     fn parse(line: &str) -> ScenesArgs {
         match Cli::try_parse_from(line.split(' ')).unwrap().command {
             Command::Scenes(args) => args,
-            Command::Backbone(args) => panic!("expected scenes, found {args:?}"),
+            other => panic!("expected scenes, found {other:?}"),
         }
     }
 

@@ -1,9 +1,12 @@
 //! `lgs-train`: makes scenes to train and measure on.
 
 mod args;
-mod backbone;
 mod backbone_args;
+mod finetune_args;
+mod policy_args;
 mod run;
+mod stage;
+mod stage_args;
 
 use std::process::ExitCode;
 

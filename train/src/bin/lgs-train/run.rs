@@ -7,13 +7,19 @@ use lgs_train::scenes::{
     export::{self, Written},
 };
 
-use crate::args::{Cli, Command, ScenesArgs};
+use crate::{
+    args::{Cli, Command, ScenesArgs},
+    stage,
+};
 
 /// The text for standard output.
 pub(crate) fn run(cli: &Cli) -> Result<String> {
     match &cli.command {
         Command::Scenes(args) => scenes(args),
-        Command::Backbone(args) => crate::backbone::backbone(args),
+        Command::Backbone(args) => stage::backbone(args),
+        Command::Policy(args) => stage::policy(args),
+        Command::Finetune(args) => stage::finetune(args),
+        Command::Export(args) => stage::export(args),
     }
 }
 
