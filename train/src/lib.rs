@@ -3,3 +3,5 @@
 pub mod error;
 pub mod scenes;
 pub mod stages;
+
+pub mod ablate;

@@ -12,7 +12,7 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::backbone_args::BackboneArgs;
+use crate::{backbone_args::BackboneArgs, rates_args::RatesArgs};
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -30,6 +30,8 @@ pub(crate) enum Command {
     Scenes(ScenesArgs),
     /// Trains prediction, query and refinement by the rendering loss (stage 1)
     Backbone(Box<BackboneArgs>),
+    /// Searches the learning rates of per-scene optimisation, which refinement is compared with
+    Rates(Box<RatesArgs>),
 }
 
 const CAMERAS_HELP: &str =
@@ -226,7 +228,7 @@ mod tests {
     fn parse(line: &str) -> ScenesArgs {
         match Cli::try_parse_from(line.split(' ')).unwrap().command {
             Command::Scenes(args) => args,
-            Command::Backbone(args) => panic!("expected scenes, found {args:?}"),
+            other => panic!("expected scenes, found {other:?}"),
         }
     }
 

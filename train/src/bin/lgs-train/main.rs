@@ -3,6 +3,8 @@
 mod args;
 mod backbone;
 mod backbone_args;
+mod rates;
+mod rates_args;
 mod run;
 
 use std::process::ExitCode;

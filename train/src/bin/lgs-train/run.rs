@@ -14,6 +14,7 @@ pub(crate) fn run(cli: &Cli) -> Result<String> {
     match &cli.command {
         Command::Scenes(args) => scenes(args),
         Command::Backbone(args) => crate::backbone::backbone(args),
+        Command::Rates(args) => crate::rates::rates(args),
     }
 }
 

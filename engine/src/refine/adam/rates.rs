@@ -1,0 +1,78 @@
+//! Step sizes of the per-scene optimisation.
+
+use super::VARIABLES;
+use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, QUAT};
+
+/// Step sizes by attribute: how far one step moves a value whose gradient keeps its sign.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdamRates {
+    /// Of the mean, metres.
+    pub mean: f64,
+    /// Of the quaternion.
+    pub quat: f64,
+    /// Of the log scale.
+    pub log_scale: f64,
+    /// Of the opacity logit.
+    pub logit_opacity: f64,
+    /// Of the colour logit.
+    pub logit_colour: f64,
+    /// Of the velocity, metres a second.
+    pub velocity: f64,
+}
+
+/// Attributes that share a step size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RateGroup {
+    /// The mean.
+    Mean,
+    /// The quaternion.
+    Quat,
+    /// The log scale.
+    LogScale,
+    /// The opacity logit.
+    LogitOpacity,
+    /// The colour logit.
+    LogitColour,
+    /// The velocity.
+    Velocity,
+}
+
+impl RateGroup {
+    /// Every group.
+    pub const ALL: [Self; 6] =
+        [Self::LogitColour, Self::LogScale, Self::LogitOpacity, Self::Mean, Self::Quat, Self::Velocity];
+}
+
+impl Default for AdamRates {
+    /// Those of 3D Gaussian splatting for rotation, scale and opacity; the mean's for scenes in metres.
+    fn default() -> Self {
+        Self { mean: 2e-3, quat: 1e-3, log_scale: 5e-3, logit_opacity: 5e-2, logit_colour: 2e-2, velocity: 2e-2 }
+    }
+}
+
+impl AdamRates {
+    /// The step size of a group.
+    pub const fn of(&mut self, group: RateGroup) -> &mut f64 {
+        match group {
+            RateGroup::Mean => &mut self.mean,
+            RateGroup::Quat => &mut self.quat,
+            RateGroup::LogScale => &mut self.log_scale,
+            RateGroup::LogitOpacity => &mut self.logit_opacity,
+            RateGroup::LogitColour => &mut self.logit_colour,
+            RateGroup::Velocity => &mut self.velocity,
+        }
+    }
+
+    /// The step size of every variable.
+    pub(super) fn by_variable(&self) -> [f64; VARIABLES] {
+        let mut rates = [self.velocity; VARIABLES];
+        rates[MEAN].fill(self.mean);
+        rates[QUAT].fill(self.quat);
+        rates[LOG_SCALE].fill(self.log_scale);
+        rates[LOGIT_OPACITY] = self.logit_opacity;
+        rates[LOGIT_COLOUR].fill(self.logit_colour);
+        rates
+    }
+}

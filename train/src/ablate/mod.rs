@@ -1,0 +1,7 @@
+//! What each part of the system is worth on views that it did not see: learned refinement against per-scene optimisation, query, policy,
+//! velocities. Everything runs through the engine's own pipeline.
+
+pub mod choice;
+pub mod subject;
+
+pub mod rates;
