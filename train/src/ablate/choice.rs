@@ -4,7 +4,7 @@ use std::{path::PathBuf, str::FromStr};
 
 use lgs_engine::pipeline::HoldOut;
 use lgs_formats::image::ImageSize;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A clip and how it is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +24,8 @@ pub struct Choice {
 }
 
 /// A choice as it is recorded: what decides the result, without where the clip lies.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RecordedChoice {
     cameras: Option<Vec<String>>,
     hold_out: String,

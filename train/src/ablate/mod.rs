@@ -2,6 +2,21 @@
 //! velocities. Everything runs through the engine's own pipeline.
 
 pub mod choice;
+pub mod settings;
 pub mod subject;
 
 pub mod rates;
+
+pub mod record;
+pub mod velocity;
+
+pub mod scene;
+
+pub mod statistics;
+
+pub mod compare;
+pub mod csv;
+pub mod markdown;
+pub mod picture;
+
+pub mod job;

@@ -12,7 +12,7 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::{backbone_args::BackboneArgs, rates_args::RatesArgs};
+use crate::{ablate_args::AblateArgs, backbone_args::BackboneArgs, rates_args::RatesArgs};
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -32,6 +32,8 @@ pub(crate) enum Command {
     Backbone(Box<BackboneArgs>),
     /// Searches the learning rates of per-scene optimisation, which refinement is compared with
     Rates(Box<RatesArgs>),
+    /// Measures weights on held-out views: refinement against per-scene optimisation, query, policy, velocities
+    Ablate(Box<AblateArgs>),
 }
 
 const CAMERAS_HELP: &str =

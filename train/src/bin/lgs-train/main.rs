@@ -1,5 +1,7 @@
 //! `lgs-train`: makes scenes to train and measure on.
 
+mod ablate;
+mod ablate_args;
 mod args;
 mod backbone;
 mod backbone_args;

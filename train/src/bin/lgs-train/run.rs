@@ -15,6 +15,7 @@ pub(crate) fn run(cli: &Cli) -> Result<String> {
         Command::Scenes(args) => scenes(args),
         Command::Backbone(args) => crate::backbone::backbone(args),
         Command::Rates(args) => crate::rates::rates(args),
+        Command::Ablate(args) => crate::ablate::ablate(args),
     }
 }
 

@@ -50,6 +50,16 @@ fn lists_and_rules_are_read() {
 }
 
 #[test]
+fn one_of_two_refines() {
+    let learned = parse("c").unwrap();
+    assert_eq!((learned.refine_with, learned.refine_steps(), learned.contradiction()), (RefineWith::Learned, 3, None));
+    let adam = parse("c --refine-with adam:30 --adam-views 4").unwrap();
+    assert_eq!((adam.refine_with, adam.refine_steps(), adam.contradiction()), (RefineWith::Adam(30), 0, None));
+    assert!(parse("c --refine-with adam:3 --refine-steps 3").unwrap().contradiction().is_some());
+    assert!(parse("c --adam-views 4").unwrap().contradiction().is_some());
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     for line in [
         "c --frames 5..2",
@@ -66,6 +76,11 @@ fn what_makes_no_sense_is_refused() {
         "c --image-size 0x10",
         "c --weights random:",
         "c --refine-steps -1",
+        "c --refine-with adam",
+        "c --refine-with adam:-1",
+        "c --refine-with adam:1000000",
+        "c --refine-with nobody",
+        "c --refine-with adam:3 --adam-views 0",
         "c --query maybe",
         "c --theta-add 1.5",
         "c --theta-prune NaN",

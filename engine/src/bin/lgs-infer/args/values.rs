@@ -8,6 +8,9 @@ use lgs_engine::{densify::Density, gaussians::background::Mode, pipeline::HoldOu
 /// Largest frame index that may be asked for, so that a range cannot fill the memory.
 const MAX_FRAME: usize = 1_000_000;
 
+/// Most steps of per-scene optimisation that may be asked for.
+const MAX_ADAM_STEPS: usize = 100_000;
+
 /// Where the network's weights come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Weights {
@@ -34,6 +37,25 @@ impl DensityArg {
             Self::Policy => Density::Policy,
             Self::Random => Density::Random,
             Self::Off => Density::Off,
+        }
+    }
+}
+
+/// `--refine-with`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RefineWith {
+    /// The network.
+    Learned,
+    /// So many steps of per-scene optimisation.
+    Adam(usize),
+}
+
+impl RefineWith {
+    /// As the user gives it.
+    pub(crate) fn word(self) -> String {
+        match self {
+            Self::Learned => "learned".to_owned(),
+            Self::Adam(steps) => format!("adam:{steps}"),
         }
     }
 }
@@ -117,6 +139,18 @@ pub(super) fn hold_out(text: &str) -> Result<HoldOut, String> {
         }
         _ if text == "odd" => Ok(HoldOut::Odd),
         _ => frame_list(text).map(|list| HoldOut::List(list.0)).map_err(|error| format!("{error}; or odd, or every:N")),
+    }
+}
+
+pub(super) fn refine_with(text: &str) -> Result<RefineWith, String> {
+    let steps = |count: &str| count.parse().ok().filter(|&steps| steps <= MAX_ADAM_STEPS);
+    match text.split_once(':') {
+        None if text == "learned" => Ok(RefineWith::Learned),
+        Some(("adam", count)) => {
+            let wrong = || format!("expected adam:N with N from 0 to {MAX_ADAM_STEPS}, found {text:?}");
+            steps(count).map(RefineWith::Adam).ok_or_else(wrong)
+        }
+        _ => Err("expected learned or adam:N".to_owned()),
     }
 }
 
