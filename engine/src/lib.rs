@@ -4,7 +4,6 @@
 
 pub mod allocator;
 pub mod error;
-pub mod program;
 pub mod threads;
 
 pub mod ops;

@@ -1,7 +1,9 @@
 //! Bytes to validated host structs and back: clips, sweeps, images, splat clouds, targets. No tensors, no threads.
 
 pub mod error;
+pub mod frame_list;
 pub mod pose;
+pub mod program;
 
 pub mod camera;
 pub mod clip;

@@ -2,6 +2,8 @@
 
 use std::num::NonZeroUsize;
 
+use lgs_formats::frame_list::FrameList;
+
 use crate::error::{EngineError, Result};
 
 /// Which frames are held out. Rules count by index in the clip, whichever frames take part.
@@ -49,15 +51,17 @@ impl std::str::FromStr for HoldOut {
 
     /// The rule that [`HoldOut`] prints so.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let rule = match text {
-            "none" => Some(Self::Nothing),
-            "odd" => Some(Self::Odd),
-            _ => match text.strip_prefix("every:") {
-                Some(n) => n.parse().ok().map(Self::Every),
-                None => text.split(',').map(|frame| frame.parse().ok()).collect::<Option<_>>().map(Self::List),
-            },
-        };
-        rule.ok_or_else(|| format!("expected none, odd, every:N or frames as 1,4, found {text}"))
+        match (text, text.strip_prefix("every:")) {
+            ("none", _) => Ok(Self::Nothing),
+            ("odd", _) => Ok(Self::Odd),
+            (_, Some(n)) => {
+                n.parse().map(Self::Every).map_err(|error| format!("expected every:N with N of 1 or more: {error}"))
+            }
+            (list, None) => list
+                .parse()
+                .map(|FrameList(frames)| Self::List(frames))
+                .map_err(|error| format!("{error}; or odd, or every:N, or none")),
+        }
     }
 }
 
@@ -65,10 +69,7 @@ impl std::fmt::Display for HoldOut {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Nothing => write!(formatter, "none"),
-            Self::List(frames) => {
-                let frames: Vec<String> = frames.iter().map(usize::to_string).collect();
-                write!(formatter, "{}", frames.join(","))
-            }
+            Self::List(frames) => write!(formatter, "{}", FrameList(frames.clone())),
             Self::Odd => write!(formatter, "odd"),
             Self::Every(n) => write!(formatter, "every:{n}"),
         }
@@ -98,7 +99,8 @@ mod tests {
         for text in ["none", "odd", "every:3", "1,4"] {
             assert_eq!(text.parse::<HoldOut>().unwrap().to_string(), text);
         }
-        for text in ["", "even", "every:0", "every:", "1,", "-1"] {
+        assert_eq!("1..3".parse::<HoldOut>().unwrap(), HoldOut::List(vec![1, 2, 3]));
+        for text in ["", "even", "every:0", "every:", "1,", "-1", "5..2"] {
             assert!(text.parse::<HoldOut>().is_err(), "{text}");
         }
     }

@@ -22,7 +22,7 @@ pub struct Metrics {
     pub clip: String,
     /// Everything that was asked for and changes the result.
     pub config: Config,
-    /// SHA-256 of the weights file; `None` without weights.
+    /// SHA-256 of the weights file; for seeded weights `random:` and the config file's; `None` without a network.
     pub weights: Option<String>,
     /// Threads that worked.
     pub threads: usize,

@@ -9,5 +9,6 @@ mod summary;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    lgs_engine::program::run("lgs-infer", run::run)
+    lgs_engine::allocator::keep_pages();
+    lgs_formats::program::run("lgs-infer", run::run)
 }

@@ -11,11 +11,10 @@ use lgs_engine::{
     gaussians::{GaussianSet, physical::to_physical},
     network::{
         describe::describe,
-        source::{LoadedModel, config_of, load_model, random_model},
+        source::{ModelSource, config_of},
     },
     pipeline::{
-        Drawing, Figures, HoldOut, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, optimise,
-        reconstruct,
+        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, optimise, reconstruct,
     },
     refine::adam::AdamSettings,
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
@@ -26,7 +25,7 @@ use lgs_formats::{clip_dir::ClipDir, importers};
 use sha2::{Digest, Sha256};
 
 use crate::{
-    args::{Args, RefineWith, Switch, ViewsArg, Weights, word},
+    args::{Args, RefineWith, Switch, ViewsArg, word},
     output::{Output, ViewPictures, output_dir, pictures_of, report_width},
     progress::Bars,
     summary::summary,
@@ -44,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<String> {
 /// Reconstructs a clip, writes the output and returns what to print.
 fn infer(args: &Args, clip: &Path) -> Result<String> {
     let start = Instant::now();
-    if args.max_gaussians.is_some() && args.weights == Weights::None {
+    if args.max_gaussians.is_some() && args.weights == ModelSource::None {
         bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
     }
     if let Some(contradiction) = args.contradiction() {
@@ -58,7 +57,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let job = Job::new(args, &dir)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let model = watch.time(Stage::Load, |_| model(args))?;
+    let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
         refine_steps: args.refine_steps(),
@@ -81,7 +80,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
         format: METRICS_FORMAT,
         clip: dir.clip().name.clone(),
         config: job.config(&inputs),
-        weights: model.and_then(|loaded| loaded.sha256),
+        weights: model.map(|loaded| loaded.digest),
         threads,
         seed: args.seed,
         gaussians: reconstruction.counts,
@@ -97,15 +96,6 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let report = report(&metrics, &pictures, &dir);
     Output { scene: &scene, views: &pictures, report: &report, metrics: &json }.write(&out)?;
     Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
-}
-
-/// The network that was asked for.
-fn model(args: &Args) -> Result<Option<LoadedModel>> {
-    Ok(match &args.weights {
-        Weights::None => None,
-        Weights::File(file) => Some(load_model(file)?),
-        Weights::Random(config) => Some(random_model(config, args.seed)?),
-    })
 }
 
 /// The settings of a run, checked against its clip.
@@ -129,8 +119,7 @@ struct PerceptualDistance {
 impl<'a> Job<'a> {
     fn new(args: &'a Args, dir: &'a ClipDir) -> Result<Self> {
         let frames = args.frames.as_ref().map(|list| list.0.clone());
-        let rule = args.hold_out.as_ref().unwrap_or(&HoldOut::Nothing);
-        let hold_out = rule.indices(dir.clip().frames.len(), frames.as_deref())?;
+        let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
         let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
         let frames = selection.frames(dir.clip())?;
         let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
@@ -177,7 +166,7 @@ impl<'a> Job<'a> {
 
     /// Whether anybody refines.
     fn refines(&self) -> bool {
-        self.args.weights != Weights::None || matches!(self.args.refine_with, RefineWith::Adam(_))
+        self.args.weights != ModelSource::None || matches!(self.args.refine_with, RefineWith::Adam(_))
     }
 
     fn figures(&self) -> Figures<'_> {
@@ -201,13 +190,13 @@ impl<'a> Job<'a> {
             hold_out: self.frames.held_out.clone(),
             background: word(&self.args.background),
             refine_with: self.refines().then(|| self.args.refine_with.word()),
-            refine_steps: (self.args.weights != Weights::None).then(|| self.args.refine_steps()),
+            refine_steps: (self.args.weights != ModelSource::None).then(|| self.args.refine_steps()),
             adam_views: self.args.adam_views.map(NonZeroUsize::get),
-            query: (self.args.weights != Weights::None).then_some(self.args.query == Switch::On),
-            density: (self.args.weights != Weights::None).then(|| word(&self.args.density)),
-            theta_prune: (self.args.weights != Weights::None).then_some(self.args.theta_prune),
-            theta_add: (self.args.weights != Weights::None).then_some(self.args.theta_add),
-            max_gaussians: self.args.max_gaussians.filter(|_| self.args.weights != Weights::None),
+            query: (self.args.weights != ModelSource::None).then_some(self.args.query == Switch::On),
+            density: (self.args.weights != ModelSource::None).then(|| word(&self.args.density)),
+            theta_prune: (self.args.weights != ModelSource::None).then_some(self.args.theta_prune),
+            theta_add: (self.args.weights != ModelSource::None).then_some(self.args.theta_add),
+            max_gaussians: self.args.max_gaussians.filter(|_| self.args.weights != ModelSource::None),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

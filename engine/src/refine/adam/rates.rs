@@ -48,7 +48,7 @@ impl RateGroup {
 impl Default for AdamRates {
     /// Those of 3D Gaussian splatting for rotation, scale and opacity; the mean's for scenes in metres.
     fn default() -> Self {
-        Self { mean: 2e-3, quat: 1e-3, log_scale: 5e-3, logit_opacity: 5e-2, logit_colour: 2e-2, velocity: 2e-2 }
+        Self { mean: 2e-3, quat: 1e-3, log_scale: 5e-2, logit_opacity: 5e-2, logit_colour: 1e-2, velocity: 2e-2 }
     }
 }
 

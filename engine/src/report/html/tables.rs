@@ -66,7 +66,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("background", escape(&config.background)),
         ("views", escape(&config.views)),
         ("moment", moment),
-        ("weights", weights.clone().unwrap_or_else(|| if network.is_some() { "seeded".to_owned() } else { none() })),
+        ("weights", weights.clone().unwrap_or_else(none)),
         ("network", network.as_ref().map_or_else(none, |summary| network_settings(config, summary))),
         ("refined by", config.refine_with.clone().unwrap_or_else(none)),
         ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),

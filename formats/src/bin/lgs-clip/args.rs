@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use lgs_formats::importers::Layout;
-
-/// Largest frame index that may be asked for, so that a range cannot fill the memory.
-const MAX_FRAME: usize = 1_000_000;
+use lgs_formats::{frame_list::FrameList, importers::Layout};
 
 /// Bring driving data into the clip format, and look at what is in a clip.
 #[derive(Clone, Debug, PartialEq, Parser)]
@@ -39,7 +36,7 @@ pub(crate) struct Import {
     pub(crate) out: PathBuf,
 
     /// Frames to take: indices from 0 on and ranges with both ends, such as 0,2,5..8 [default: all]
-    #[arg(long, value_name = "LIST", value_parser = frame_list)]
+    #[arg(long, value_name = "LIST")]
     pub(crate) frames: Option<FrameList>,
 
     /// Names of the cameras to take, separated by commas [default: all]
@@ -87,28 +84,6 @@ impl LayoutArg {
             Self::Nuscenes => Layout::NuScenes,
         }
     }
-}
-
-/// Indices of frames, in the order in which they were given.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct FrameList(pub(crate) Vec<usize>);
-
-fn frame_list(text: &str) -> Result<FrameList, String> {
-    let mut frames = Vec::new();
-    for item in text.split(',') {
-        let (first, last) = item.split_once("..").unwrap_or((item, item));
-        let (first, last) = (index(first)?, index(last)?);
-        if first > last {
-            return Err(format!("expected an ascending range, found {item}"));
-        }
-        frames.extend(first..=last);
-    }
-    Ok(FrameList(frames))
-}
-
-fn index(text: &str) -> Result<usize, String> {
-    let number = text.trim().parse().ok().filter(|&number| number <= MAX_FRAME);
-    number.ok_or_else(|| format!("expected frame indices from 0 to {MAX_FRAME}, found {text:?}"))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use lgs_formats::{
     clip_dir::ClipDir,
     importers::{self, Selection},
+    program::Outcome,
 };
 
 use crate::{
@@ -13,22 +14,15 @@ use crate::{
     inspect::{self, contact_sheet},
 };
 
-/// What to print, and how to end.
-pub(crate) struct Done {
-    pub(crate) text: String,
-    /// Whether an inspection found something to look at.
-    pub(crate) has_findings: bool,
-}
-
 /// Does what the command line asks for.
-pub(crate) fn run(args: &Args) -> Result<Done> {
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match &args.command {
         Command::Import(args) => import(args),
         Command::Inspect(args) => look(args),
     }
 }
 
-fn import(args: &Import) -> Result<Done> {
+fn import(args: &Import) -> Result<Outcome> {
     let selection = Selection {
         scene: args.scene.clone(),
         frames: args.frames.as_ref().map(|list| list.0.clone()),
@@ -36,7 +30,7 @@ fn import(args: &Import) -> Result<Done> {
     };
     let source = importers::open_as(args.layout.layout(), &args.source, &selection)?;
     importers::write(&source, &args.out)?;
-    Ok(Done { text: summary(&source, &args.out), has_findings: false })
+    Ok(summary(&source, &args.out).into())
 }
 
 fn summary(source: &ClipDir, out: &Path) -> String {
@@ -56,7 +50,7 @@ fn summary(source: &ClipDir, out: &Path) -> String {
     )
 }
 
-fn look(args: &Inspect) -> Result<Done> {
+fn look(args: &Inspect) -> Result<Outcome> {
     let clip = importers::open(&args.directory)?;
     let report = inspect::measure(&clip)?;
     let sheet = args.contact_sheet.as_deref().map(|file| contact_sheet(&clip, file)).transpose()?;
@@ -70,5 +64,5 @@ fn look(args: &Inspect) -> Result<Done> {
         }
         text
     };
-    Ok(Done { text, has_findings })
+    Ok(Outcome { text, notes: Vec::new(), has_findings })
 }

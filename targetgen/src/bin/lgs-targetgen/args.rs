@@ -3,6 +3,7 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Args as Group, Parser, Subcommand, ValueEnum, builder::RangedU64ValueParser};
+use lgs_engine::network::source::ModelSource;
 use lgs_formats::image::ImageSize;
 use lgs_formats::targets::{Normalise, Part, Signal, ZScore};
 
@@ -90,10 +91,10 @@ pub(crate) struct JobArgs {
 /// Where scenes come from.
 #[derive(Clone, Debug, PartialEq, Group)]
 pub(crate) struct SceneArgs {
-    /// Network weights, a safetensors file; `random:FILE.json`: weights of a model config drawn from --seed; `none`: the initial
-    /// Gaussians
-    #[arg(long, value_name = "FILE|random:FILE.json|none", default_value = "none", value_parser = weights)]
-    pub(crate) weights: Weights,
+    /// Network weights, a safetensors file; `tiny`: those that ship in the program; `random:FILE.json`: weights of a model config
+    /// drawn from --seed; `none`: the initial Gaussians
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = "none")]
+    pub(crate) weights: ModelSource,
 
     /// Names of the cameras to use, separated by commas [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
@@ -224,17 +225,6 @@ impl SceneArgs {
     }
 }
 
-/// Where the network's weights come from.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Weights {
-    /// There is no network.
-    None,
-    /// A weights file.
-    File(PathBuf),
-    /// Drawn from the seed, in the sizes of a config file.
-    Random(PathBuf),
-}
-
 /// `--signal`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SignalArg {
@@ -282,15 +272,6 @@ impl From<ZScoreArg> for ZScore {
             ZScoreArg::Joint => Self::Joint,
             ZScoreArg::PerAction => Self::PerAction,
         }
-    }
-}
-
-fn weights(text: &str) -> Result<Weights, String> {
-    match (text, text.strip_prefix("random:")) {
-        ("none", _) => Ok(Weights::None),
-        ("", _) | (_, Some("")) => Err("expected none, a file, or random: and a file".to_owned()),
-        (_, Some(config)) => Ok(Weights::Random(config.into())),
-        (file, None) => Ok(Weights::File(file.into())),
     }
 }
 

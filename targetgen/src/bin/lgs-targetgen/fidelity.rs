@@ -15,14 +15,15 @@ use lgs_targetgen::sample::clip_seed;
 use lgs_targetgen::scene::load_scene;
 
 use crate::args::FidelityArgs;
-use crate::run::{config, model};
+use crate::run::config;
 
 /// Measures and returns what to print.
 pub(crate) fn fidelity(args: &FidelityArgs) -> Result<String> {
     threads::set_num_threads(args.scene.threads())?;
     let out = &args.out;
     std::fs::create_dir_all(out).with_context(|| format!("{}: create", out.display()))?;
-    let (model, weights) = model(&args.scene)?;
+    let model = args.scene.weights.load(args.scene.seed)?;
+    let weights = model.as_ref().map(|loaded| loaded.digest.clone());
     let config = config(&args.scene, &args.sampling, weights);
     let mut scene = load_scene(&args.clip, &config, model.as_ref().map(|loaded| &loaded.model))?;
     let views: Vec<&View> = scene.views.iter().collect();

@@ -5,29 +5,20 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use lgs_engine::network::source::{LoadedModel, load_model, random_model};
 use lgs_engine::{allocator, threads};
+use lgs_formats::program::Outcome;
 use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
 use lgs_formats::write::write_atomic;
-use lgs_targetgen::job::{self, Job, Outcome, choose_part, find_clips};
+use lgs_targetgen::job::{self, Job, choose_part, find_clips};
 use lgs_targetgen::report::{Summary, THRESHOLDS, html, summarise};
-use sha2::{Digest, Sha256};
 
-use crate::args::{Args, Command, JobArgs, SamplingArgs, SceneArgs, Weights};
+use crate::args::{Args, Command, JobArgs, SamplingArgs, SceneArgs};
 use crate::progress::Teller;
 
 const MEGABYTE: u64 = 1_000_000;
 
-/// What to print, and the clips that failed.
-#[derive(Debug)]
-pub(crate) struct Finished {
-    pub(crate) text: String,
-    pub(crate) failed: Vec<FailedClip>,
-}
-
 /// Does what the command line asks for.
-pub(crate) fn run(args: &Args) -> Result<Finished> {
-    let done = |text: String| Finished { text, failed: Vec::new() };
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match &args.command {
         None => generate(&args.job),
         Some(Command::Merge(merge)) => {
@@ -35,30 +26,31 @@ pub(crate) fn run(args: &Args) -> Result<Finished> {
             let manifest = job::merge(&merge.folders, out, merge.shard_mb * MEGABYTE)?;
             let summary = summarise(out, &manifest)?;
             write_atomic(&out.join("report.html"), html(&summary, &manifest, &Default::default(), 0).as_bytes())?;
-            Ok(Finished { text: text(&summary, &manifest, out), failed: manifest.failed })
+            Ok(outcome(text(&summary, &manifest, out), &manifest.failed))
         }
         Some(Command::Retarget(retarget)) => {
             let (transform, out) = (retarget.transform, &retarget.out);
             let manifest = job::retarget(&retarget.folder, out, transform.log_scale, transform.zscore.into())?;
             let summary = summarise(out, &manifest)?;
             write_atomic(&out.join("report.html"), html(&summary, &manifest, &Default::default(), 0).as_bytes())?;
-            Ok(done(text(&summary, &manifest, out)))
+            Ok(text(&summary, &manifest, out).into())
         }
         Some(Command::Verify(verify)) => {
             let manifest = Manifest::read(&verify.folder.join(MANIFEST_FILE))?;
             manifest.verify(&verify.folder)?;
-            Ok(done(format!("{} shards are as {MANIFEST_FILE} says\n", manifest.shards.len())))
+            Ok(format!("{} shards are as {MANIFEST_FILE} says", manifest.shards.len()).into())
         }
-        Some(Command::Fidelity(args)) => Ok(done(crate::fidelity::fidelity(args)?)),
+        Some(Command::Fidelity(args)) => Ok(crate::fidelity::fidelity(args)?.into()),
     }
 }
 
-fn generate(args: &JobArgs) -> Result<Finished> {
+fn generate(args: &JobArgs) -> Result<Outcome> {
     threads::set_num_threads(args.scene.threads())?;
     let out = args.out.as_deref().context("--out: expected a folder, found nothing")?;
     let clips = find_clips(&args.clips)?;
     let part = choose_part(args.part, &|name| std::env::var(name).ok())?;
-    let (model, weights) = model(&args.scene)?;
+    let model = args.scene.weights.load(args.scene.seed)?;
+    let weights = model.as_ref().map(|loaded| loaded.digest.clone());
     let config = TargetsConfig {
         signal: args.signal.into(),
         normalise: args.normalise.into(),
@@ -77,31 +69,19 @@ fn generate(args: &JobArgs) -> Result<Finished> {
         resume: args.resume,
     };
     let mut teller = Teller::new();
-    let outcome = job::run(&job, &mut |event| teller.tell(event))?;
-    let manifest = &outcome.manifest;
+    let run = job::run(&job, &mut |event| teller.tell(event))?;
+    let manifest = &run.manifest;
     let summary = summarise(out, manifest)?;
     let name = part.map_or("report.html".to_owned(), |part| format!("report-{}-of-{}.html", part.index, part.count));
-    write_atomic(&out.join(name), html(&summary, manifest, &outcome.seconds, outcome.passes).as_bytes())?;
-    let text = if args.json { json(&summary, &outcome)? } else { text(&summary, manifest, out) + &times(&outcome) };
-    Ok(Finished { text, failed: outcome.manifest.failed })
+    write_atomic(&out.join(name), html(&summary, manifest, &run.seconds, run.passes).as_bytes())?;
+    let text = if args.json { json(&summary, &run)? } else { text(&summary, manifest, out) + &times(&run) };
+    Ok(outcome(text, &run.manifest.failed))
 }
 
-/// The network that was asked for, and what tells its weights from others.
-pub(crate) fn model(args: &SceneArgs) -> Result<(Option<LoadedModel>, Option<String>)> {
-    match &args.weights {
-        Weights::None => Ok((None, None)),
-        Weights::File(file) => {
-            let loaded = load_model(file)?;
-            let sha256 = loaded.sha256.clone();
-            Ok((Some(loaded), sha256))
-        }
-        Weights::Random(file) => {
-            let loaded = random_model(file, args.seed)?;
-            let bytes = std::fs::read(file).with_context(|| format!("{}: read", file.display()))?;
-            let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-            Ok((Some(loaded), Some(format!("random:{digest}"))))
-        }
-    }
+/// What a run says whose `failed` clips have no targets.
+fn outcome(text: String, failed: &[FailedClip]) -> Outcome {
+    let notes = failed.iter().map(|clip| format!("{}: {}", clip.clip, clip.reason)).collect();
+    Outcome { text, notes, has_findings: !failed.is_empty() }
 }
 
 /// The settings that jobs and measurements share; what is left is the default.
@@ -149,18 +129,14 @@ fn text(summary: &Summary, manifest: &Manifest, out: &Path) -> String {
     text
 }
 
-fn times(outcome: &Outcome) -> String {
+fn times(run: &job::Outcome) -> String {
     let mut text = String::new();
-    if outcome.done_now > 0 {
-        let total = outcome.seconds.total();
-        let stages = outcome.seconds.by_stage().map(|(name, spent)| format!("{name} {:.0} %", 100.0 * spent / total));
-        let per_hour = 3600.0 * outcome.done_now as f64 / total;
-        let per_pass = 1e3 * outcome.seconds.render / outcome.passes.max(1) as f64;
-        line(
-            &mut text,
-            "this run",
-            &format!("{} clips, {per_hour:.0} an hour, {per_pass:.0} ms a pass", outcome.done_now),
-        );
+    if run.done_now > 0 {
+        let total = run.seconds.total();
+        let stages = run.seconds.by_stage().map(|(name, spent)| format!("{name} {:.0} %", 100.0 * spent / total));
+        let per_hour = 3600.0 * run.done_now as f64 / total;
+        let per_pass = 1e3 * run.seconds.render / run.passes.max(1) as f64;
+        line(&mut text, "this run", &format!("{} clips, {per_hour:.0} an hour, {per_pass:.0} ms a pass", run.done_now));
         line(&mut text, "", &stages.join("  "));
     }
     let memory = allocator::peak_rss_mb().map_or("unknown".to_owned(), |mb| format!("{mb:.0} MB"));
@@ -168,16 +144,16 @@ fn times(outcome: &Outcome) -> String {
     text
 }
 
-fn json(summary: &Summary, outcome: &Outcome) -> Result<String> {
-    let seconds: BTreeMap<&str, f64> = outcome.seconds.by_stage().into_iter().collect();
+fn json(summary: &Summary, run: &job::Outcome) -> Result<String> {
+    let seconds: BTreeMap<&str, f64> = run.seconds.by_stage().into_iter().collect();
     let value = serde_json::json!({
         "format": "lgs-targetgen/1",
         "summary": summary,
-        "failed": outcome.manifest.failed,
-        "done_now": outcome.done_now,
-        "done_before": outcome.done_before,
+        "failed": run.manifest.failed,
+        "done_now": run.done_now,
+        "done_before": run.done_before,
         "seconds": seconds,
-        "passes": outcome.passes,
+        "passes": run.passes,
         "peak_rss_mb": allocator::peak_rss_mb(),
     });
     Ok(serde_json::to_string_pretty(&value)? + "\n")

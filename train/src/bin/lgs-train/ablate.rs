@@ -4,7 +4,7 @@ use std::{io::Write, path::Path};
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use lgs_engine::{evaluate::lpips::Lpips, network::source::load_model, threads};
+use lgs_engine::{evaluate::lpips::Lpips, threads};
 use lgs_train::{
     ablate::{
         job::{Hashed, Job, Observer},
@@ -20,8 +20,9 @@ use crate::ablate_args::AblateArgs;
 /// The text for standard output.
 pub(crate) fn ablate(args: &AblateArgs) -> Result<String> {
     threads::set_num_threads(args.threads)?;
-    let loaded = load_model(&args.weights)?;
-    let Some(sha256) = loaded.sha256.as_deref() else { bail!("{}: expected a weights file", args.weights.display()) };
+    let Some(loaded) = args.weights.load(args.seed)? else {
+        bail!("--weights: expected weights to measure, found none")
+    };
     let lpips = args
         .lpips_weights
         .as_deref()
@@ -38,7 +39,7 @@ pub(crate) fn ablate(args: &AblateArgs) -> Result<String> {
     let job = Job {
         scenes: dirs.into_iter().map(|dir| args.scene(dir)).collect(),
         clips: args.clips.clone(),
-        model: Hashed { value: &loaded.model, sha256 },
+        model: Hashed { value: &loaded.model, sha256: &loaded.digest },
         lpips: lpips.as_ref().map(|(value, sha256)| Hashed { value, sha256 }),
         settings: args.settings(),
         short: args.short(),

@@ -3,16 +3,16 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lgs_engine::pipeline::HoldOut;
+use lgs_engine::{network::source::ModelSource, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
 use lgs_train::ablate::{choice::Choice, job::Short, settings::Settings};
 
 /// Flags of `ablate`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct AblateArgs {
-    /// Weights to measure
-    #[arg(long, value_name = "FILE")]
-    pub(crate) weights: PathBuf,
+    /// Weights to measure: a file, or `tiny`, which ship in the program
+    #[arg(long, value_name = "FILE|tiny")]
+    pub(crate) weights: ModelSource,
     /// Scenes that means and tests are taken over: clip directories, or directories of such
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub(crate) scenes: Vec<PathBuf>,

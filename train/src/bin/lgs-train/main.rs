@@ -12,5 +12,6 @@ mod run;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    lgs_engine::program::run("lgs-train", run::run)
+    lgs_engine::allocator::keep_pages();
+    lgs_formats::program::run("lgs-train", run::run)
 }

@@ -5,7 +5,6 @@ use std::io::Write;
 use anyhow::{Context, Result};
 use lgs_engine::{
     densify::{Density, Thresholds},
-    network::source::load_model,
     pipeline::{NetworkSettings, Silent, Watch, run_network},
     threads,
 };
@@ -23,7 +22,7 @@ use crate::rates_args::RatesArgs;
 pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
     threads::set_num_threads(args.threads)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("{}: create", args.out.display()))?;
-    let model = args.weights.as_deref().map(load_model).transpose()?;
+    let model = args.weights.load(0)?;
     let mut dirs = Vec::new();
     for path in &args.clips {
         dirs.extend(find(path)?);
@@ -55,8 +54,8 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
         names.push(format!("{} {recorded}: {inputs} input and {held_out} held-out views", subject.clip().name));
         starts.push(Start { subject, scene });
     }
-    if let Some(sha256) = model.as_ref().and_then(|loaded| loaded.sha256.as_ref()) {
-        names.push(format!("predicted with weights {sha256}"));
+    if let Some(loaded) = &model {
+        names.push(format!("predicted with weights {}", loaded.digest));
     }
     let mut search = Search::open(&args.out, args.settings(names))?;
     let best = search.run(&starts, &args.out, told)?;

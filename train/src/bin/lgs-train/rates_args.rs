@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lgs_engine::refine::adam::AdamRates;
+use lgs_engine::{network::source::ModelSource, refine::adam::AdamRates};
 use lgs_formats::image::ImageSize;
 use lgs_train::ablate::{choice::Choice, rates::SearchSettings};
 
@@ -25,9 +25,9 @@ pub(crate) struct RatesArgs {
     /// At most so many cameras of a clip
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub(crate) cameras: usize,
-    /// Weights whose prediction is optimised [default: none, the initial Gaussians are]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) weights: Option<PathBuf>,
+    /// Weights whose prediction is optimised; `none`: the initial Gaussians are
+    #[arg(long, value_name = "FILE|tiny|none", default_value = "none")]
+    pub(crate) weights: ModelSource,
     /// Numbers of steps after which the held-out views are measured, ascending
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_values_t = [30, 100])]
     pub(crate) marks: Vec<usize>,

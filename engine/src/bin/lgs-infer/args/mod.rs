@@ -7,11 +7,14 @@ mod values;
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
-use lgs_engine::pipeline::HoldOut;
-use lgs_formats::image::ImageSize;
+use lgs_engine::{
+    network::{shipped, source::ModelSource},
+    pipeline::HoldOut,
+};
+use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-pub(crate) use values::{BackgroundArg, DensityArg, FrameList, RefineWith, Switch, ViewsArg, Weights, word};
-use values::{frame_list, hold_out, refine_with, score, seconds, weights};
+pub(crate) use values::{BackgroundArg, DensityArg, RefineWith, Switch, ViewsArg, word};
+use values::{score, seconds};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
@@ -35,10 +38,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Network weights, a safetensors file; `random:FILE.json`: weights of a model config drawn from --seed, for size and
-    /// speed work; `none`: the scene is what the sweeps and the images say by themselves
-    #[arg(long, value_name = "FILE|random:FILE.json|none", default_value = "none", value_parser = weights)]
-    pub(crate) weights: Weights,
+    /// Network weights, a safetensors file; `tiny`: those that ship in the program, where it was built with some;
+    /// `random:FILE.json`: weights of a model config drawn from --seed, for size and speed work; `none`: the scene is what the
+    /// sweeps and the images say by themselves
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = shipped::DEFAULT)]
+    pub(crate) weights: ModelSource,
 
     /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
@@ -46,7 +50,7 @@ pub(crate) struct Args {
 
     /// Who refines: `learned`: the network, where there is one; `adam:N`: N steps of per-scene optimisation by the same loss, 0 to
     /// 100000, with a network or without
-    #[arg(long, value_name = "learned|adam:N", default_value = "learned", value_parser = refine_with)]
+    #[arg(long, value_name = "learned|adam:N", default_value = "learned")]
     pub(crate) refine_with: RefineWith,
 
     /// Input views that a step of adam:N looks at, in random turns [default: all]
@@ -83,13 +87,13 @@ pub(crate) struct Args {
     pub(crate) image_size: Option<ImageSize>,
 
     /// Frames to use: indices of the clip from 0 on and ranges with both ends, such as 0,2,5..8 [default: all]
-    #[arg(long, value_name = "LIST", value_parser = frame_list)]
+    #[arg(long, value_name = "LIST")]
     pub(crate) frames: Option<FrameList>,
 
     /// Frames whose images and sweeps only the figures may see: a list as for --frames; `odd`: indices 1, 3, 5, ...;
-    /// `every:N`: the N-th frame of the clip, the 2N-th and so on, which are the indices N-1, 2N-1, ... [default: none]
-    #[arg(long, value_name = "LIST|odd|every:N", value_parser = hold_out)]
-    pub(crate) hold_out: Option<HoldOut>,
+    /// `every:N`: the N-th frame of the clip, the 2N-th and so on, which are the indices N-1, 2N-1, ...; `none`
+    #[arg(long, value_name = "LIST|odd|every:N|none", default_value_t = HoldOut::Nothing)]
+    pub(crate) hold_out: HoldOut,
 
     /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
     /// `depth`: where the surfaces around a gap continue to

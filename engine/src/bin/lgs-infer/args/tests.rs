@@ -22,16 +22,18 @@ fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
 #[test]
 fn defaults_are_as_the_help_says() {
     let args = parse("clip").unwrap();
-    assert_eq!((args.out, args.cameras, args.frames, args.hold_out), (None, None, None, None));
-    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, Weights::None));
+    assert_eq!((args.out, args.cameras, args.frames, args.hold_out), (None, None, None, HoldOut::Nothing));
+    let weights = if shipped::BYTES.is_some() { ModelSource::Shipped } else { ModelSource::None };
+    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, weights));
     assert_eq!((args.threads, args.seed, args.json), (None, 0, false));
 }
 
 #[test]
 fn weights_are_a_file_a_config_or_none() {
     let of = |line: &str| parse(line).unwrap().weights;
-    assert_eq!(of("c --weights tiny.safetensors"), Weights::File("tiny.safetensors".into()));
-    assert_eq!(of("c --weights random:full.json"), Weights::Random("full.json".into()));
+    assert_eq!(of("c --weights tiny.safetensors"), ModelSource::File("tiny.safetensors".into()));
+    assert_eq!((of("c --weights tiny"), of("c --weights none")), (ModelSource::Shipped, ModelSource::None));
+    assert_eq!(of("c --weights random:full.json"), ModelSource::Random("full.json".into()));
     assert_eq!(parse("--describe full.json").unwrap().describe, Some("full.json".into()));
 }
 
@@ -39,13 +41,13 @@ fn weights_are_a_file_a_config_or_none() {
 fn lists_and_rules_are_read() {
     let args = parse("c --frames 0,2,5..8 --hold-out 2,6 --cameras A,B --image-size 304x484 --at-time -0.5").unwrap();
     assert_eq!(args.frames, Some(FrameList(vec![0, 2, 5, 6, 7, 8])));
-    assert_eq!(args.hold_out, Some(HoldOut::List(vec![2, 6])));
+    assert_eq!(args.hold_out, HoldOut::List(vec![2, 6]));
     assert_eq!(args.cameras, Some(vec!["A".to_owned(), "B".to_owned()]));
     assert_eq!(args.image_size.map(|size| [size.height, size.width]), Some([304, 484]));
     assert_eq!(args.at_time, Some(-0.5));
-    assert_eq!(parse("c --hold-out odd").unwrap().hold_out, Some(HoldOut::Odd));
+    assert_eq!(parse("c --hold-out odd").unwrap().hold_out, HoldOut::Odd);
     let every = parse("c --hold-out every:10 --threads 3 --views held-out").unwrap();
-    assert_eq!(every.hold_out, Some(HoldOut::Every(NonZeroUsize::new(10).unwrap())));
+    assert_eq!(every.hold_out, HoldOut::Every(NonZeroUsize::new(10).unwrap()));
     assert_eq!((every.threads().map(NonZeroUsize::get), every.views), (Some(3), ViewsArg::HeldOut));
 }
 

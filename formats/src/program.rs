@@ -1,4 +1,4 @@
-//! What every program of the project does around its work: memory, the command line, what is printed, the exit code.
+//! What every program of the project does around its work: the command line, what is printed, the exit code.
 
 use std::error::Error;
 use std::io::{self, ErrorKind, Write};
@@ -6,44 +6,68 @@ use std::process::ExitCode;
 
 use clap::{Parser, error::ErrorKind as UsageError};
 
-use crate::allocator;
-
-/// Exit code of an error; 1 is kept for runs that work and find differences.
+/// Exit code of a run that came to its end and found something to look at.
+const FINDINGS: u8 = 1;
+/// Exit code of an error.
 const ERROR: u8 = 2;
+
+/// What a run that came to its end says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// For standard output.
+    pub text: String,
+    /// Lines for standard error.
+    pub notes: Vec<String>,
+    /// Whether there is something to look at: exit code 1.
+    pub has_findings: bool,
+}
+
+impl From<String> for Outcome {
+    fn from(text: String) -> Self {
+        Self { text, ..Self::default() }
+    }
+}
 
 /// The exit code of a program's `main`: parses the command line, lets `act` work, prints its text, or its error as one line.
 ///
 /// A reader of standard output that has seen enough and went away is no error.
-pub fn run<A: Parser, E: AsRef<dyn Error + Send + Sync>>(
+pub fn run<A: Parser, O: Into<Outcome>, E: AsRef<dyn Error + Send + Sync>>(
     name: &str,
-    act: impl FnOnce(&A) -> Result<String, E>,
+    act: impl FnOnce(&A) -> Result<O, E>,
 ) -> ExitCode {
-    allocator::keep_pages();
     let args = match A::try_parse() {
         Ok(args) => args,
         Err(error) if error.use_stderr() => return fail(name, &usage(&error)),
-        Err(help) => return finish(name, &help.to_string()),
+        Err(help) => return finish(name, &help.to_string().into()),
     };
     match act(&args) {
-        Ok(text) => finish(name, &text),
+        Ok(outcome) => finish(name, &outcome.into()),
         Err(error) => fail(name, &chain(error.as_ref())),
     }
 }
 
-fn finish(name: &str, text: &str) -> ExitCode {
+fn finish(name: &str, outcome: &Outcome) -> ExitCode {
+    for note in &outcome.notes {
+        tell(name, note);
+    }
+    let code = if outcome.has_findings { ExitCode::from(FINDINGS) } else { ExitCode::SUCCESS };
     let mut out = io::stdout().lock();
-    match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+    match writeln!(out, "{}", outcome.text.trim_end()).and_then(|()| out.flush()) {
+        Ok(()) => code,
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => code,
         Err(error) => fail(name, &format!("standard output: {error}")),
     }
 }
 
-/// Prints the error. When even that is impossible the exit code says it alone.
 fn fail(name: &str, message: &str) -> ExitCode {
+    tell(name, message);
+    ExitCode::from(ERROR)
+}
+
+/// Prints a message as one line. When even that is impossible the exit code says it alone.
+fn tell(name: &str, message: &str) {
     let line: Vec<&str> = message.split_whitespace().collect();
     let _ = writeln!(io::stderr(), "{name}: {}", line.join(" "));
-    ExitCode::from(ERROR)
 }
 
 /// The error and its causes, each once: some errors name their cause themselves.
