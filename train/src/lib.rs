@@ -5,3 +5,4 @@ pub mod scenes;
 pub mod stages;
 
 pub mod ablate;
+pub mod ship;

@@ -12,7 +12,7 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::{ablate_args::AblateArgs, backbone_args::BackboneArgs, rates_args::RatesArgs};
+use crate::{ablate_args::AblateArgs, backbone_args::BackboneArgs, rates_args::RatesArgs, ship::ShipArgs};
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Rates(Box<RatesArgs>),
     /// Measures weights on held-out views: refinement against per-scene optimisation, query, policy, velocities
     Ablate(Box<AblateArgs>),
+    /// Writes weights, or their card, to where builds take from what ships in the programs
+    Ship(ShipArgs),
 }
 
 const CAMERAS_HELP: &str =

@@ -8,6 +8,7 @@ mod backbone_args;
 mod rates;
 mod rates_args;
 mod run;
+mod ship;
 
 use std::process::ExitCode;
 

@@ -16,6 +16,7 @@ pub(crate) fn run(cli: &Cli) -> Result<String> {
         Command::Backbone(args) => crate::backbone::backbone(args),
         Command::Rates(args) => crate::rates::rates(args),
         Command::Ablate(args) => crate::ablate::ablate(args),
+        Command::Ship(args) => crate::ship::ship(args),
     }
 }
 
