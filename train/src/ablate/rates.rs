@@ -55,6 +55,9 @@ pub struct Search {
     pub trials: Vec<Trial>,
 }
 
+/// What rates are worth after each of some numbers of steps, decibels.
+pub type Measure<'a> = dyn FnMut(AdamRates, &[usize]) -> Result<Vec<f64>> + 'a;
+
 /// A scene to be optimised.
 #[derive(Debug)]
 pub struct Start<'a> {
@@ -86,44 +89,45 @@ impl Search {
         Err(TrainError::config(file.display().to_string(), "a search of the same settings", "other settings"))
     }
 
-    /// The best rates: every group's rate is raised, else lowered, by a factor as long as that helps; `told` hears of every trial.
+    /// The best rates: every group's rate is raised, else lowered, by a factor as long as that helps. `measure` says what rates are worth
+    /// after each number of steps ([`psnr_after`]), and is asked nothing that the record knows; `told` hears of every trial.
     ///
     /// # Errors
-    /// When a scene cannot be measured, or the record not be written.
-    pub fn run(&mut self, starts: &[Start<'_>], dir: &Path, mut told: impl FnMut(&Trial)) -> Result<AdamRates> {
+    /// Those of `measure`; when the record cannot be written.
+    pub fn run(&mut self, dir: &Path, measure: &mut Measure<'_>, told: &mut dyn FnMut(&Trial)) -> Result<AdamRates> {
         let file = dir.join(SEARCH_FILE);
-        let (mut best, mut score) = (self.settings.begin, 0.0);
         let mut known = 0;
         let mut attempt = |search: &mut Self, rates: AdamRates| -> Result<f64> {
-            if let Some(trial) = search.trials.get(known).filter(|trial| trial.rates == rates) {
-                known += 1;
-                return Ok(trial.score);
+            if search.trials.get(known).is_none_or(|trial| trial.rates != rates) {
+                search.trials.truncate(known);
+                let psnr = measure(rates, &search.settings.marks)?;
+                let score = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
+                let trial = Trial { rates, psnr, score };
+                told(&trial);
+                search.trials.push(trial);
+                search.write(&file)?;
             }
-            search.trials.truncate(known);
-            let trial = trial(starts, rates, &search.settings.marks)?;
-            told(&trial);
-            search.trials.push(trial.clone());
             known += 1;
-            search.write(&file)?;
-            Ok(trial.score)
+            Ok(search.trials[known - 1].score)
         };
-        for (round, factor) in self.settings.factors.clone().into_iter().enumerate() {
-            if round == 0 {
-                score = attempt(self, best)?;
-            }
+        let mut best = self.settings.begin;
+        let mut score = attempt(self, best)?;
+        for factor in self.settings.factors.clone() {
             for group in RateGroup::ALL {
                 for direction in [factor, 1.0 / factor] {
-                    let mut moved = false;
+                    let before = score;
                     loop {
                         let mut rates = best;
                         *rates.of(group) *= direction;
                         let found = attempt(self, rates)?;
-                        if found <= score {
+                        // Written so that a score that is not a number counts as no gain.
+                        let better = found > score;
+                        if !better {
                             break;
                         }
-                        (best, score, moved) = (rates, found, true);
+                        (best, score) = (rates, found);
                     }
-                    if moved {
+                    if score > before {
                         break;
                     }
                 }
@@ -141,8 +145,11 @@ impl Search {
     }
 }
 
-/// What some rates are worth.
-fn trial(starts: &[Start<'_>], rates: AdamRates, marks: &[usize]) -> Result<Trial> {
+/// Mean PSNR of the held-out views over the scenes after each number of steps (`marks`, ascending), decibels.
+///
+/// # Errors
+/// When a scene cannot be measured.
+pub fn psnr_after(starts: &[Start<'_>], rates: AdamRates, marks: &[usize]) -> Result<Vec<f64>> {
     let mut psnr = vec![0.0; marks.len()];
     for start in starts {
         let mut scene = start.scene.clone();
@@ -157,6 +164,58 @@ fn trial(starts: &[Start<'_>], rates: AdamRates, marks: &[usize]) -> Result<Tria
             *sum += start.subject.figures(&scene)?.psnr.unwrap_or(0.0) / starts.len() as f64;
         }
     }
-    let score = psnr.iter().sum::<f64>() / marks.len().max(1) as f64;
-    Ok(Trial { rates, psnr, score })
+    Ok(psnr)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Best at a colour rate of 8 and a velocity rate of 0.5 times the first ones.
+    fn worth(rates: AdamRates) -> Vec<f64> {
+        let begin = AdamRates::default();
+        let far = (rates.logit_colour / begin.logit_colour / 8.0).ln().powi(2)
+            + (rates.velocity / begin.velocity / 0.5).ln().powi(2);
+        vec![-far, -far]
+    }
+
+    fn settings() -> SearchSettings {
+        SearchSettings { marks: vec![1, 2], factors: vec![2.0], begin: AdamRates::default(), scenes: Vec::new() }
+    }
+
+    #[test]
+    fn the_best_is_found_and_what_is_known_is_not_asked_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut asked = 0;
+        let mut search = Search::open(dir.path(), settings()).unwrap();
+        let mut measure = |rates, _: &[usize]| {
+            asked += 1;
+            Ok(worth(rates))
+        };
+        let best = search.run(dir.path(), &mut measure, &mut |_| ()).unwrap();
+        let begin = AdamRates::default();
+        let want = AdamRates { logit_colour: 8.0 * begin.logit_colour, velocity: 0.5 * begin.velocity, ..begin };
+        assert_eq!((best, search.trials.len()), (want, asked));
+        // The record of an interrupted search: what it holds is taken from there.
+        let mut cut = search.clone();
+        cut.trials.truncate(5);
+        cut.write(&dir.path().join(SEARCH_FILE)).unwrap();
+        let mut resumed = Search::open(dir.path(), settings()).unwrap();
+        let mut again = 0;
+        let mut measure = |rates, _: &[usize]| {
+            again += 1;
+            Ok(worth(rates))
+        };
+        resumed.run(dir.path(), &mut measure, &mut |_| ()).unwrap();
+        assert_eq!((&resumed, again), (&search, asked - 5));
+    }
+
+    #[test]
+    fn a_record_of_another_search_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let search = Search::open(dir.path(), settings()).unwrap();
+        search.write(&dir.path().join(SEARCH_FILE)).unwrap();
+        let error = Search::open(dir.path(), SearchSettings { marks: vec![9], ..settings() }).unwrap_err();
+        assert!(error.to_string().contains("same settings"), "{error}");
+    }
 }

@@ -10,7 +10,7 @@ use lgs_engine::{
 };
 use lgs_train::{
     ablate::{
-        rates::{SEARCH_FILE, Search, Start, Trial},
+        rates::{SEARCH_FILE, Search, Start, Trial, psnr_after},
         subject::{Subject, open},
     },
     stages::clips::find,
@@ -58,7 +58,8 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
         names.push(format!("predicted with weights {}", loaded.digest));
     }
     let mut search = Search::open(&args.out, args.settings(names))?;
-    let best = search.run(&starts, &args.out, told)?;
+    let mut measure = |rates, marks: &[usize]| psnr_after(&starts, rates, marks);
+    let best = search.run(&args.out, &mut measure, &mut told)?;
     Ok(format!("{} trials, {best:?}, {}", search.trials.len(), args.out.join(SEARCH_FILE).display()))
 }
 
