@@ -90,6 +90,20 @@ pub fn refine(
     steps: usize,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
+    refine_and_show(set, views, model, steps, |_| progress())
+}
+
+/// As [`refine`]; `show` is given the scene after every step that was kept.
+///
+/// # Errors
+/// As [`refine`].
+pub fn refine_and_show(
+    set: &mut GaussianSet,
+    views: &[&View],
+    model: &FoldedModel,
+    steps: usize,
+    mut show: impl FnMut(&GaussianSet),
+) -> Result<RefineSummary> {
     let mut summary = RefineSummary::default();
     let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
     if steps == 0 || views.is_empty() || set.is_empty() {
@@ -105,7 +119,6 @@ pub fn refine(
             step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
         }
         summary.seconds.network += start.elapsed().as_secs_f64();
-        progress();
         if *set == before {
             summary.stopped_early = true;
             break;
@@ -119,6 +132,7 @@ pub fn refine(
             break;
         }
         summary.steps += 1;
+        show(set);
         current = after;
     }
     summary.pyramids_kept = pyramids[0].reused;

@@ -87,6 +87,13 @@ pub fn expect_network_keys(page: &Value) -> Outcome {
     expect_keys("stages_s", &page["stages_s"], &[STAGES.as_slice(), &REFINE_STAGES].concat())
 }
 
+/// Fails unless the page of a run with a per-scene optimisation, and no network, has exactly the keys that it adds.
+pub fn expect_optimised_keys(page: &Value) -> Outcome {
+    expect_keys("metrics.json", page, &[TOP.as_slice(), &["optimisation"]].concat())?;
+    expect_keys("optimisation", &page["optimisation"], &["losses", "non_finite_gradients"])?;
+    expect_keys("stages_s", &page["stages_s"], &[STAGES.as_slice(), &REFINE_STAGES].concat())
+}
+
 fn expect_keys(what: &str, object: &Value, want: &[&str]) -> Outcome {
     let object = object.as_object().ok_or_else(|| format!("{what} is no object"))?;
     let got: BTreeSet<&str> = object.keys().map(String::as_str).collect();

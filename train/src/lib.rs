@@ -3,3 +3,6 @@
 pub mod error;
 pub mod scenes;
 pub mod stages;
+
+pub mod ablate;
+pub mod ship;

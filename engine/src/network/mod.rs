@@ -11,6 +11,7 @@ pub mod normalise;
 pub mod pass;
 pub mod policy;
 pub mod query;
+pub mod shipped;
 pub mod source;
 pub mod unet;
 pub mod weights;

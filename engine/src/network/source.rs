@@ -10,8 +10,9 @@ use sha2::{Digest, Sha256};
 use super::config::ModelConfig;
 use super::describe::thousands;
 use super::model::{FoldedModel, Model};
+use super::shipped;
 use super::weights::{TensorSpec, WeightFile};
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 
 /// Key of a weights file's metadata that holds the model's config as JSON.
 pub const CONFIG_KEY: &str = "config";
@@ -33,6 +34,8 @@ pub struct LoadedModel {
 pub enum ModelSource {
     /// There is no network.
     None,
+    /// The weights that ship inside the program.
+    Shipped,
     /// A weights file.
     File(PathBuf),
     /// Drawn from a seed, in the sizes of a config file.
@@ -47,6 +50,7 @@ impl ModelSource {
     pub fn load(&self, seed: u64) -> Result<Option<LoadedModel>> {
         match self {
             Self::None => Ok(None),
+            Self::Shipped => shipped_model().map(Some),
             Self::File(file) => load_model(file).map(Some),
             Self::Random(config) => random_model(config, seed).map(Some),
         }
@@ -56,15 +60,28 @@ impl ModelSource {
 impl FromStr for ModelSource {
     type Err = String;
 
-    /// The source that `none`, `FILE` or `random:FILE` means.
+    /// The source that `none`, `tiny`, `FILE` or `random:FILE` means.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         match (text, text.strip_prefix("random:")) {
             ("none", _) => Ok(Self::None),
-            ("", _) | (_, Some("")) => Err("expected none, a file, or random: and a file".to_owned()),
+            (shipped::NAME, _) => Ok(Self::Shipped),
+            ("", _) | (_, Some("")) => Err("expected none, tiny, a file, or random: and a file".to_owned()),
             (_, Some(config)) => Ok(Self::Random(config.into())),
             (file, None) => Ok(Self::File(file.into())),
         }
     }
+}
+
+/// The model that ships inside the program.
+///
+/// # Errors
+/// When none does: there was no weights file when the program was built.
+pub fn shipped_model() -> Result<LoadedModel> {
+    let Some(bytes) = shipped::BYTES else {
+        let expected = format!("a file, or none: this program was built without {}", shipped::FILE);
+        return Err(EngineError::Setting { setting: "--weights", expected, found: shipped::NAME.to_owned() });
+    };
+    model_of(&WeightFile::parse(shipped::FILE, bytes)?, Path::new(shipped::FILE))
 }
 
 /// The model of a weights file: safetensors whose metadata hold the config under [`CONFIG_KEY`].
@@ -72,9 +89,12 @@ impl FromStr for ModelSource {
 /// # Errors
 /// When the file cannot be read, its config is invalid, or its tensors are not the config's.
 pub fn load_model(path: &Path) -> Result<LoadedModel> {
-    let file = WeightFile::read(path)?;
+    model_of(&WeightFile::read(path)?, path)
+}
+
+fn model_of(file: &WeightFile, path: &Path) -> Result<LoadedModel> {
     let config = of_possible_size(ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?, path)?;
-    Ok(LoadedModel { model: FoldedModel::load(&config, &file)?, digest: file.sha256().to_owned() })
+    Ok(LoadedModel { model: FoldedModel::load(&config, file)?, digest: file.sha256().to_owned() })
 }
 
 /// The model of a config file with weights drawn from `seed`.

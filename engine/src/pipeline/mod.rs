@@ -16,5 +16,5 @@ pub use evaluate::{Drawing, Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
-pub use reconstruct::{GaussianCounts, Reconstruction, reconstruct};
+pub use reconstruct::{GaussianCounts, Reconstruction, optimise, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -13,6 +13,7 @@ use crate::{
         background::{self, Mode},
     },
     points,
+    refine::adam::{Adam, AdamSettings, AdamSummary},
     views::View,
 };
 
@@ -41,6 +42,8 @@ pub struct Reconstruction {
     pub counts: GaussianCounts,
     /// What the network did; `None` without one.
     pub network: Option<NetworkSummary>,
+    /// What a per-scene optimisation did; `None` where there was none.
+    pub optimisation: Option<AdamSummary>,
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
     /// Seconds that it took, from the loaded inputs on.
@@ -88,5 +91,28 @@ pub fn reconstruct(
     };
     let seconds = start.elapsed().as_secs_f64();
     let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
-    Ok(Reconstruction { scene, counts, network, density: density.flatten(), seconds })
+    Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), seconds })
+}
+
+/// Optimises a finished scene over the input views, in place: what `--refine-with adam` does instead of the learned refinement.
+pub fn optimise(
+    reconstruction: &mut Reconstruction,
+    inputs: &Inputs<'_>,
+    settings: AdamSettings,
+    steps: usize,
+    watch: &mut Watch<'_>,
+) {
+    let start = Instant::now();
+    let views: Vec<&View> = inputs.views().iter().collect();
+    let scene = &mut reconstruction.scene;
+    let mut adam = Adam::new(scene.len(), settings);
+    watch.stage(Stage::Refine, steps, |progress| {
+        for _ in 0..steps {
+            adam.step(scene, &views);
+            progress.step(Stage::Refine);
+        }
+    });
+    watch.times.refine = Some(adam.summary().seconds);
+    reconstruction.optimisation = Some(adam.into_summary());
+    reconstruction.seconds += start.elapsed().as_secs_f64();
 }

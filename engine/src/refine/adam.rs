@@ -1,10 +1,19 @@
 //! Per-scene optimisation: Adam on the raw parameters, the refinement that needs no trained network.
 
-use super::silence;
-use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
+mod rates;
+mod turns;
+
+use std::num::NonZeroUsize;
+
+use rayon::prelude::*;
+
+use super::{RefineSeconds, silence};
+use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::loss::LossWeights;
 use crate::objective::objective;
 use crate::views::{View, to_f32};
+
+pub use rates::{AdamRates, RateGroup};
 
 /// Decay of the mean of the gradients.
 const BETA_1: f64 = 0.9;
@@ -14,53 +23,33 @@ const BETA_2: f64 = 0.999;
 const EPSILON: f64 = 1e-15;
 /// Attributes and velocity of one Gaussian.
 const VARIABLES: usize = NUM_ATTRIBUTES + 3;
+/// Gaussians that a thread takes at once.
+const GRAIN: usize = 4096;
 
-/// Step sizes by attribute: how far one step moves a value whose gradient keeps its sign.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AdamRates {
-    /// Of the mean, metres.
-    pub mean: f64,
-    /// Of the quaternion.
-    pub quat: f64,
-    /// Of the log scale.
-    pub log_scale: f64,
-    /// Of the opacity logit.
-    pub logit_opacity: f64,
-    /// Of the colour logit.
-    pub logit_colour: f64,
-    /// Of the velocity, metres a second.
-    pub velocity: f64,
-}
-
-impl Default for AdamRates {
-    /// Those of 3D Gaussian splatting for rotation, scale and opacity; the mean's for scenes in metres.
-    fn default() -> Self {
-        Self { mean: 2e-3, quat: 1e-3, log_scale: 5e-3, logit_opacity: 5e-2, logit_colour: 2e-2, velocity: 2e-2 }
-    }
-}
-
-impl AdamRates {
-    fn by_variable(&self) -> [f64; VARIABLES] {
-        let mut rates = [self.velocity; VARIABLES];
-        rates[MEAN].fill(self.mean);
-        rates[QUAT].fill(self.quat);
-        rates[LOG_SCALE].fill(self.log_scale);
-        rates[LOGIT_OPACITY] = self.logit_opacity;
-        rates[LOGIT_COLOUR].fill(self.logit_colour);
-        rates
-    }
+/// How a scene is optimised.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AdamSettings {
+    /// Step sizes.
+    pub rates: AdamRates,
+    /// Views that a step looks at, in random turns; `None` for all of them.
+    pub views_per_step: Option<NonZeroUsize>,
+    /// Decides on the turns.
+    pub seed: u64,
 }
 
 /// What an optimisation did.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct AdamSummary {
-    /// Loss over the views before each step.
+    /// Loss before each step over the views that it looked at.
     pub losses: Vec<f64>,
     /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
     pub non_finite_gradients: usize,
+    /// What it took; no result, so not part of what is written of one.
+    #[serde(skip)]
+    pub seconds: RefineSeconds,
 }
 
-/// Optimises the scene in place over the views: both branches, the velocities of the `LiDAR` branch.
+/// An optimisation between two of its steps.
 ///
 /// # Formula
 /// `m <- 0.9 m + 0.1 g`, `s <- 0.999 s + 0.001 g^2`, `x <- x - rate m' / (sqrt(s') + 1e-15)` with the moments' bias taken out. A value
@@ -68,6 +57,57 @@ pub struct AdamSummary {
 ///
 /// # Source
 /// Kingma and Ba, Adam, 2015; Kerbl et al., 3D Gaussian splatting, 2023.
+#[derive(Clone, Debug)]
+pub struct Adam {
+    settings: AdamSettings,
+    /// `[N, 17, 2]` first and second moments.
+    moments: Vec<[[f32; 2]; VARIABLES]>,
+    summary: AdamSummary,
+}
+
+impl Adam {
+    /// An optimisation of `num_gaussians` that has not begun.
+    pub fn new(num_gaussians: usize, settings: AdamSettings) -> Self {
+        let moments = vec![[[0.0; 2]; VARIABLES]; num_gaussians];
+        Self { settings, moments, summary: AdamSummary::default() }
+    }
+
+    /// The loss before the step over the views that it looked at; moves both branches, and the velocities of the `LiDAR` branch.
+    pub fn step(&mut self, set: &mut GaussianSet, views: &[&View]) -> f64 {
+        let done = self.summary.losses.len();
+        let turn = turns::views_of(done, views.len(), self.settings.views_per_step, self.settings.seed);
+        let chosen: Vec<&View> = turn.into_iter().map(|k| views[k]).collect();
+        let mut current = objective(set, &chosen, &LossWeights::default());
+        self.summary.non_finite_gradients += silence(&mut current.gradient);
+        self.summary.seconds.render += current.seconds.render;
+        self.summary.seconds.loss += current.seconds.loss;
+        self.summary.losses.push(current.loss);
+        let rates = self.settings.rates.by_variable();
+        let unbiased = [BETA_1, BETA_2].map(|beta| 1.0 - beta.powf((done + 1) as f64));
+        let values = set.attributes.par_iter_mut().zip(&mut set.velocities);
+        let gradients = current.gradient.attributes.par_iter().zip(&current.gradient.velocities);
+        let all = values.zip(gradients).zip(&mut self.moments).with_min_len(GRAIN);
+        all.for_each(|(((row, velocity), (by_row, by_velocity)), moments)| {
+            let all = row.iter_mut().chain(velocity).zip(by_row.iter().chain(by_velocity));
+            for ((value, &gradient), (moment, rate)) in all.zip(moments.iter_mut().zip(&rates)) {
+                *value -= to_f32(rate * direction(moment, f64::from(gradient), unbiased));
+            }
+        });
+        current.loss
+    }
+
+    /// What was done so far.
+    pub const fn summary(&self) -> &AdamSummary {
+        &self.summary
+    }
+
+    /// What was done.
+    pub fn into_summary(self) -> AdamSummary {
+        self.summary
+    }
+}
+
+/// Optimises the scene in place over all of the views; `progress` is told the loss before each step.
 pub fn adam(
     set: &mut GaussianSet,
     views: &[&View],
@@ -75,26 +115,9 @@ pub fn adam(
     steps: usize,
     mut progress: impl FnMut(f64),
 ) -> AdamSummary {
-    let weights = LossWeights::default();
-    let rates = rates.by_variable();
-    let mut moments = vec![[[0.0_f32; 2]; VARIABLES]; set.len()];
-    let mut summary = AdamSummary::default();
-    for step in 1..=steps {
-        let mut current = objective(set, views, &weights);
-        summary.non_finite_gradients += silence(&mut current.gradient);
-        summary.losses.push(current.loss);
-        let unbiased = [BETA_1, BETA_2].map(|beta| 1.0 - beta.powf(step as f64));
-        let gradients = current.gradient.attributes.iter().zip(&current.gradient.velocities);
-        let values = set.attributes.iter_mut().zip(&mut set.velocities);
-        for (((row, velocity), (by_row, by_velocity)), moments) in values.zip(gradients).zip(&mut moments) {
-            let all = row.iter_mut().chain(velocity).zip(by_row.iter().chain(by_velocity));
-            for ((value, &gradient), (moment, rate)) in all.zip(moments.iter_mut().zip(&rates)) {
-                *value -= to_f32(rate * direction(moment, f64::from(gradient), unbiased));
-            }
-        }
-        progress(current.loss);
-    }
-    summary
+    let mut adam = Adam::new(set.len(), AdamSettings { rates: *rates, ..AdamSettings::default() });
+    (0..steps).for_each(|_| progress(adam.step(set, views)));
+    adam.into_summary()
 }
 
 /// The step for a rate of 1; moves the moments on.

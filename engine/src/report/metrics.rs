@@ -5,6 +5,7 @@ use serde::{Serialize, Serializer};
 use crate::{
     evaluate::ViewFigures,
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
+    refine::adam::AdamSummary,
     views::Role,
 };
 
@@ -32,6 +33,9 @@ pub struct Metrics {
     /// What the network did and left out; `None`, and no key, without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkSummary>,
+    /// What a per-scene optimisation did; `None`, and no key, without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub optimisation: Option<AdamSummary>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.
@@ -57,8 +61,12 @@ pub struct Config {
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
     pub background: String,
+    /// Who refined: `learned` or `adam:N`; `None` for nobody.
+    pub refine_with: Option<String>,
     /// Steps of the learned refinement; `None` without a network.
     pub refine_steps: Option<usize>,
+    /// Views that a step of the per-scene optimisation looked at; `None` for all.
+    pub adam_views: Option<usize>,
     /// Whether the Cross-Time Point Query was asked for; `None` without a network.
     pub query: Option<bool>,
     /// Who pruned and added; `None` without a network.

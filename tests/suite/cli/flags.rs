@@ -5,7 +5,7 @@ use lgs_tests::{Outcome, case, clips};
 use libtest_mimic::Trial;
 
 /// Flags that must be refused, and what the message must hold.
-const REFUSED: [(&str, &[&str], &[&str]); 18] = [
+const REFUSED: [(&str, &[&str], &[&str]); 21] = [
     ("unknown_flag", &["--no-such-flag"], &["--no-such-flag"]),
     ("unknown_camera", &["--cameras", "rear_window"], &["--cameras", "rear_window"]),
     ("hold_out_beyond_the_clip", &["--hold-out", "999"], &["--hold-out", "999"]),
@@ -23,6 +23,9 @@ const REFUSED: [(&str, &[&str], &[&str]); 18] = [
     ("negative_budget", &["--max-gaussians", "-1"], &["-1"]),
     ("budget_without_a_network", &["--max-gaussians", "10"], &["--max-gaussians", "--weights"]),
     ("steps_without_end", &["--refine-steps", "1000000"], &["--refine-steps", "1000000"]),
+    ("learned_steps_of_adam", &["--refine-with", "adam:3", "--refine-steps", "3"], &["--refine-steps", "adam"]),
+    ("views_of_learned_steps", &["--adam-views", "3"], &["--adam-views", "learned"]),
+    ("unknown_refiner", &["--refine-with", "sgd:3"], &["--refine-with", "sgd:3"]),
     ("missing_lpips_weights", &["--lpips-weights", "nowhere.safetensors"], &["nowhere.safetensors"]),
 ];
 
@@ -60,6 +63,8 @@ fn help_and_version() -> Outcome {
         "--weights",
         "--describe",
         "--refine-steps",
+        "--refine-with",
+        "--adam-views",
         "--query",
         "--density",
         "--theta-prune",

@@ -1,5 +1,6 @@
 //! The command line as a process.
 
+mod adam;
 mod densify;
 mod describe;
 mod flags;
@@ -8,6 +9,7 @@ mod infer;
 mod network;
 mod real_clips;
 mod scenes;
+mod shipped;
 mod untrained;
 mod weights;
 
@@ -16,6 +18,8 @@ use libtest_mimic::Trial;
 pub(crate) fn cases() -> Vec<Trial> {
     [
         infer::cases(),
+        adam::cases(),
+        shipped::cases(),
         flags::cases(),
         hostile_clips::cases(),
         real_clips::cases(),

@@ -19,7 +19,8 @@ use crate::error::{Result, TrainError};
 const SIZE: [u32; 2] = [960, 540];
 /// At most so many points a curve: more rows are averaged in groups, so that noise does not hide the course.
 const POINTS: usize = 200;
-const FONT: &str = "sans-serif";
+/// The font of all pictures; see [`know_font`].
+pub(crate) const FONT: &str = "sans-serif";
 
 /// A course of a column.
 struct Curve<'a> {
@@ -59,6 +60,15 @@ fn curve(table: &Table, column: usize) -> Curve<'_> {
     Curve { name: &table.columns()[column], points: table.rows().chunks(group).filter_map(point).collect() }
 }
 
+/// Nothing: afterwards [`FONT`] can be drawn with; the error is a sentence.
+pub(crate) fn know_font() -> std::result::Result<(), String> {
+    static FONT_KNOWN: OnceLock<bool> = OnceLock::new();
+    if *FONT_KNOWN.get_or_init(|| register_font(FONT, FontStyle::Normal, dejavu::sans::regular()).is_ok()) {
+        return Ok(());
+    }
+    Err("the font cannot be read".to_owned())
+}
+
 /// Draws curves; the error is what the library says.
 fn draw(
     pixels: &mut [u8],
@@ -66,10 +76,7 @@ fn draw(
     title: &str,
     [x, y]: [[f64; 2]; 2],
 ) -> std::result::Result<(), String> {
-    static FONT_KNOWN: OnceLock<bool> = OnceLock::new();
-    if !FONT_KNOWN.get_or_init(|| register_font(FONT, FontStyle::Normal, dejavu::sans::regular()).is_ok()) {
-        return Err("the font cannot be read".to_owned());
-    }
+    know_font()?;
     let text = |error: &dyn std::fmt::Display| error.to_string();
     let area = BitMapBackend::with_buffer(pixels, (SIZE[0], SIZE[1])).into_drawing_area();
     area.fill(&WHITE).map_err(|e| text(&e))?;

@@ -1,6 +1,6 @@
 //! A run: clip in, files out.
 
-use std::{path::Path, time::Instant};
+use std::{num::NonZeroUsize, path::Path, time::Instant};
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
@@ -13,7 +13,10 @@ use lgs_engine::{
         describe::describe,
         source::{ModelSource, config_of},
     },
-    pipeline::{Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, reconstruct},
+    pipeline::{
+        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, optimise, reconstruct,
+    },
+    refine::adam::AdamSettings,
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -22,7 +25,7 @@ use lgs_formats::{clip_dir::ClipDir, importers};
 use sha2::{Digest, Sha256};
 
 use crate::{
-    args::{Args, Switch, ViewsArg, word},
+    args::{Args, RefineWith, Switch, ViewsArg, word},
     output::{Output, ViewPictures, output_dir, pictures_of, report_width},
     progress::Bars,
     summary::summary,
@@ -43,6 +46,9 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     if args.max_gaussians.is_some() && args.weights == ModelSource::None {
         bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
     }
+    if let Some(contradiction) = args.contradiction() {
+        bail!(contradiction);
+    }
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
@@ -54,14 +60,18 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
-        refine_steps: args.refine_steps as usize,
+        refine_steps: args.refine_steps(),
         query: args.query == Switch::On,
         density: args.density.density(),
         thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
         max_gaussians: args.max_gaussians,
         seed: args.seed,
     });
-    let reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
+    let mut reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
+    if let RefineWith::Adam(steps) = args.refine_with {
+        let settings = AdamSettings { views_per_step: args.adam_views, seed: args.seed, ..AdamSettings::default() };
+        optimise(&mut reconstruction, &inputs, settings, steps, &mut watch);
+    }
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
@@ -75,6 +85,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
         seed: args.seed,
         gaussians: reconstruction.counts,
         network: reconstruction.network,
+        optimisation: reconstruction.optimisation,
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -153,6 +164,11 @@ impl<'a> Job<'a> {
         evaluate_views(Drawing { scene: &scene, scores: scores.as_deref() }, &views, figures, watch, &keep)
     }
 
+    /// Whether anybody refines.
+    fn refines(&self) -> bool {
+        self.args.weights != ModelSource::None || matches!(self.args.refine_with, RefineWith::Adam(_))
+    }
+
     fn figures(&self) -> Figures<'_> {
         let lpips = self.lpips.as_ref().map(|distance| &distance.lpips);
         Figures::OfTruth { clip: self.dir.clip(), frame: &self.clip_frame, lpips }
@@ -173,7 +189,9 @@ impl<'a> Job<'a> {
             frames,
             hold_out: self.frames.held_out.clone(),
             background: word(&self.args.background),
-            refine_steps: (self.args.weights != ModelSource::None).then_some(self.args.refine_steps as usize),
+            refine_with: self.refines().then(|| self.args.refine_with.word()),
+            refine_steps: (self.args.weights != ModelSource::None).then(|| self.args.refine_steps()),
+            adam_views: self.args.adam_views.map(NonZeroUsize::get),
             query: (self.args.weights != ModelSource::None).then_some(self.args.query == Switch::On),
             density: (self.args.weights != ModelSource::None).then(|| word(&self.args.density)),
             theta_prune: (self.args.weights != ModelSource::None).then_some(self.args.theta_prune),

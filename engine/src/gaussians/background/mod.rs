@@ -34,9 +34,10 @@ struct Sheet(Vec<f32>);
 
 /// Nothing: appends static Gaussians to `set` where its `LiDAR` branch leaves pixels of the input views uncovered.
 ///
-/// View after view, in their order: a Gaussian that an earlier view asked for covers pixels of the later ones.
+/// View after view, from the middle frame outwards: a Gaussian that one view asked for covers pixels of those after it, and one that
+/// stands at a wrong depth is less wrong in the others the nearer they are.
 pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud, mode: Mode) {
-    let inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
+    let inputs = from_the_middle(views);
     let sheets: Vec<Sheet> = match mode {
         Mode::Off => return,
         Mode::Sky => sky::sheets(&inputs, cloud),
@@ -60,4 +61,52 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
     }
     set.times.resize(set.len(), 0.0);
     set.velocities.resize(set.len(), [0.0; 3]);
+}
+
+/// The input views by the distance of their frame from the mean of their frames; those of the same distance in their order.
+fn from_the_middle(views: &[View]) -> Vec<&View> {
+    let mut inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
+    let (sum, count) = (inputs.iter().map(|view| view.frame).sum::<usize>(), inputs.len());
+    // Times the count, so that all stays whole.
+    inputs.sort_by_key(|view| (view.frame * count).abs_diff(sum));
+    inputs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::from_the_middle;
+    use crate::views::{PinholeView, Role, View};
+    use lgs_formats::image::RgbImage;
+
+    #[test]
+    fn the_middle_comes_first_and_held_out_views_never() {
+        let pinhole = PinholeView {
+            width: 1,
+            height: 1,
+            fx: 1.0,
+            fy: 1.0,
+            cx: 0.5,
+            cy: 0.5,
+            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            time: 0.0,
+        };
+        let image = RgbImage { width: 1, height: 1, data: vec![0.0; 3] };
+        let view = |frame: usize| View {
+            frame,
+            camera: "a".to_owned(),
+            role: if frame.is_multiple_of(2) { Role::Input } else { Role::HeldOut },
+            pinhole,
+            image: image.clone(),
+            labels: None,
+            depth_samples: Vec::new(),
+        };
+        let order = |frames: &[usize]| -> Vec<usize> {
+            let views: Vec<View> = frames.iter().map(|&frame| view(frame)).collect();
+            from_the_middle(&views).iter().map(|view| view.frame).collect()
+        };
+        assert_eq!(order(&[0, 1, 2, 3, 4]), [2, 0, 4]);
+        assert_eq!(order(&[0, 2, 4, 6]), [2, 4, 0, 6]);
+        assert_eq!(order(&[0, 1, 2]), [0, 2]);
+        assert!(order(&[1]).is_empty());
+    }
 }

@@ -68,6 +68,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),
         ("network", network.as_ref().map_or_else(none, |summary| network_settings(config, summary))),
+        ("refined by", config.refine_with.clone().unwrap_or_else(none)),
         ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),
         ("threads", threads.to_string()),
         ("seed", seed.to_string()),

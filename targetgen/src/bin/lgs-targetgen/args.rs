@@ -91,9 +91,9 @@ pub(crate) struct JobArgs {
 /// Where scenes come from.
 #[derive(Clone, Debug, PartialEq, Group)]
 pub(crate) struct SceneArgs {
-    /// Network weights, a safetensors file; `random:FILE.json`: weights of a model config drawn from --seed; `none`: the initial
-    /// Gaussians
-    #[arg(long, value_name = "FILE|random:FILE.json|none", default_value = "none")]
+    /// Network weights, a safetensors file; `tiny`: those that ship in the program; `random:FILE.json`: weights of a model config
+    /// drawn from --seed; `none`: the initial Gaussians
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = "none")]
     pub(crate) weights: ModelSource,
 
     /// Names of the cameras to use, separated by commas [default: all]

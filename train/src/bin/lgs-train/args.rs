@@ -12,7 +12,10 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::{backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs};
+use crate::{
+    ablate_args::AblateArgs, backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs,
+    rates_args::RatesArgs, ship::ShipArgs,
+};
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -36,6 +39,12 @@ pub(crate) enum Command {
     Finetune(Box<FinetuneArgs>),
     /// Writes a copy of a weights file
     Export(ExportArgs),
+    /// Searches the learning rates of per-scene optimisation, which refinement is compared with
+    Rates(Box<RatesArgs>),
+    /// Measures weights on held-out views: refinement against per-scene optimisation, query, policy, velocities
+    Ablate(Box<AblateArgs>),
+    /// Writes weights, or their card, to where builds take from what ships in the programs
+    Ship(ShipArgs),
 }
 
 /// Flags of `export`.

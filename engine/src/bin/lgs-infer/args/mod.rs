@@ -7,10 +7,13 @@ mod values;
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
-use lgs_engine::{network::source::ModelSource, pipeline::HoldOut};
+use lgs_engine::{
+    network::{shipped, source::ModelSource},
+    pipeline::HoldOut,
+};
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-pub(crate) use values::{BackgroundArg, DensityArg, Switch, ViewsArg, word};
+pub(crate) use values::{BackgroundArg, DensityArg, RefineWith, Switch, ViewsArg, word};
 use values::{score, seconds};
 
 /// Largest number of threads that may be asked for.
@@ -35,14 +38,24 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Network weights, a safetensors file; `random:FILE.json`: weights of a model config drawn from --seed, for size and
-    /// speed work; `none`: the scene is what the sweeps and the images say by themselves
-    #[arg(long, value_name = "FILE|random:FILE.json|none", default_value = "none")]
+    /// Network weights, a safetensors file; `tiny`: those that ship in the program, where it was built with some;
+    /// `random:FILE.json`: weights of a model config drawn from --seed, for size and speed work; `none`: the scene is what the
+    /// sweeps and the images say by themselves
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = shipped::DEFAULT)]
     pub(crate) weights: ModelSource,
 
-    /// Steps of the learned refinement over the input views, 0 to 1000
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
-    pub(crate) refine_steps: u32,
+    /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
+    refine_steps: Option<u32>,
+
+    /// Who refines: `learned`: the network, where there is one; `adam:N`: N steps of per-scene optimisation by the same loss, 0 to
+    /// 100000, with a network or without
+    #[arg(long, value_name = "learned|adam:N", default_value = "learned")]
+    pub(crate) refine_with: RefineWith,
+
+    /// Input views that a step of adam:N looks at, in random turns [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) adam_views: Option<NonZeroUsize>,
 
     /// Who prunes and adds primitives: `policy`: the network; `random`: chance, as often as the network would; `off`: nobody
     #[arg(long, value_enum, default_value_t = DensityArg::Policy)]
@@ -113,7 +126,31 @@ pub(crate) struct Args {
     pub(crate) json: bool,
 }
 
+/// Steps of the learned refinement when nobody says.
+const REFINE_STEPS: usize = 3;
+
 impl Args {
+    /// Steps of the learned refinement.
+    pub(crate) fn refine_steps(&self) -> usize {
+        match self.refine_with {
+            RefineWith::Learned => self.refine_steps.map_or(REFINE_STEPS, |steps| steps as usize),
+            RefineWith::Adam(_) => 0,
+        }
+    }
+
+    /// Flags that each make sense, but not together.
+    pub(crate) fn contradiction(&self) -> Option<&'static str> {
+        match self.refine_with {
+            RefineWith::Learned if self.adam_views.is_some() => {
+                Some("--adam-views: expected --refine-with adam:N, found --refine-with learned")
+            }
+            RefineWith::Adam(_) if self.refine_steps.is_some() => {
+                Some("--refine-steps: expected --refine-with learned, found --refine-with adam:N")
+            }
+            _ => None,
+        }
+    }
+
     /// The number of threads that was asked for.
     pub(crate) fn threads(&self) -> Option<NonZeroUsize> {
         self.threads.and_then(|count| usize::try_from(count).ok()).and_then(NonZeroUsize::new)

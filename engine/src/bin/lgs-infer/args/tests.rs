@@ -23,7 +23,8 @@ fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
 fn defaults_are_as_the_help_says() {
     let args = parse("clip").unwrap();
     assert_eq!((args.out, args.cameras, args.frames, args.hold_out), (None, None, None, HoldOut::Nothing));
-    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, ModelSource::None));
+    let weights = if shipped::BYTES.is_some() { ModelSource::Shipped } else { ModelSource::None };
+    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, weights));
     assert_eq!((args.threads, args.seed, args.json), (None, 0, false));
 }
 
@@ -31,6 +32,7 @@ fn defaults_are_as_the_help_says() {
 fn weights_are_a_file_a_config_or_none() {
     let of = |line: &str| parse(line).unwrap().weights;
     assert_eq!(of("c --weights tiny.safetensors"), ModelSource::File("tiny.safetensors".into()));
+    assert_eq!((of("c --weights tiny"), of("c --weights none")), (ModelSource::Shipped, ModelSource::None));
     assert_eq!(of("c --weights random:full.json"), ModelSource::Random("full.json".into()));
     assert_eq!(parse("--describe full.json").unwrap().describe, Some("full.json".into()));
 }
@@ -50,6 +52,16 @@ fn lists_and_rules_are_read() {
 }
 
 #[test]
+fn one_of_two_refines() {
+    let learned = parse("c").unwrap();
+    assert_eq!((learned.refine_with, learned.refine_steps(), learned.contradiction()), (RefineWith::Learned, 3, None));
+    let adam = parse("c --refine-with adam:30 --adam-views 4").unwrap();
+    assert_eq!((adam.refine_with, adam.refine_steps(), adam.contradiction()), (RefineWith::Adam(30), 0, None));
+    assert!(parse("c --refine-with adam:3 --refine-steps 3").unwrap().contradiction().is_some());
+    assert!(parse("c --adam-views 4").unwrap().contradiction().is_some());
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     for line in [
         "c --frames 5..2",
@@ -66,6 +78,11 @@ fn what_makes_no_sense_is_refused() {
         "c --image-size 0x10",
         "c --weights random:",
         "c --refine-steps -1",
+        "c --refine-with adam",
+        "c --refine-with adam:-1",
+        "c --refine-with adam:1000000",
+        "c --refine-with nobody",
+        "c --refine-with adam:3 --adam-views 0",
         "c --query maybe",
         "c --theta-add 1.5",
         "c --theta-prune NaN",

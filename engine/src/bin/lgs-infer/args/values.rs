@@ -1,7 +1,12 @@
 //! Values of flags and how they are read.
 
+use std::str::FromStr;
+
 use clap::ValueEnum;
 use lgs_engine::{densify::Density, gaussians::background::Mode};
+
+/// Most steps of per-scene optimisation that may be asked for.
+const MAX_ADAM_STEPS: usize = 100_000;
 
 /// `--density`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -18,6 +23,41 @@ impl DensityArg {
             Self::Policy => Density::Policy,
             Self::Random => Density::Random,
             Self::Off => Density::Off,
+        }
+    }
+}
+
+/// `--refine-with`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RefineWith {
+    /// The network.
+    Learned,
+    /// So many steps of per-scene optimisation.
+    Adam(usize),
+}
+
+impl RefineWith {
+    /// As the user gives it.
+    pub(crate) fn word(self) -> String {
+        match self {
+            Self::Learned => "learned".to_owned(),
+            Self::Adam(steps) => format!("adam:{steps}"),
+        }
+    }
+}
+
+impl FromStr for RefineWith {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let steps = |count: &str| count.parse().ok().filter(|&steps| steps <= MAX_ADAM_STEPS);
+        match text.split_once(':') {
+            None if text == "learned" => Ok(Self::Learned),
+            Some(("adam", count)) => {
+                let wrong = || format!("expected adam:N with N from 0 to {MAX_ADAM_STEPS}, found {text:?}");
+                steps(count).map(Self::Adam).ok_or_else(wrong)
+            }
+            _ => Err("expected learned or adam:N".to_owned()),
         }
     }
 }
