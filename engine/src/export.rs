@@ -1,11 +1,15 @@
 //! A scene as a splat cloud, the form in which files hold it.
 
-use lgs_formats::cloud::{SH_DC, SplatCloud};
+use lgs_formats::{
+    cloud::{SH_DC, SplatCloud},
+    viewer::Stop,
+};
 
 use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
+    views::View,
 };
 
 /// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
@@ -34,6 +38,31 @@ pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<Splat
         times: set.times.clone(),
         extra: density.map(|map| score_columns(map, set.len())).unwrap_or_default(),
     })
+}
+
+/// The camera of a view as a place to stand at in the viewer.
+pub fn stop(view: &View) -> Stop {
+    let pinhole = &view.pinhole;
+    let rows = pinhole.camera_from_clip.map(|row| row.map(f64::from));
+    // the inverse of a rigid transform: transposed rotation, and the camera's centre
+    let centre = |k: usize| -(0..3).map(|r| rows[r][k] * rows[r][3]).sum::<f64>();
+    let scene_from_camera = std::array::from_fn(|i| match (i / 4, i % 4) {
+        (3, 3) => 1.0,
+        (3, _) => 0.0,
+        (k, 3) => centre(k),
+        (k, r) => rows[r][k],
+    });
+    Stop {
+        name: format!("frame {} {}", view.frame, view.camera),
+        time: f64::from(pinhole.time),
+        width: pinhole.width,
+        height: pinhole.height,
+        fx: f64::from(pinhole.fx),
+        fy: f64::from(pinhole.fy),
+        cx: f64::from(pinhole.cx),
+        cy: f64::from(pinhole.cy),
+        scene_from_camera,
+    }
 }
 
 /// Scores by column, of the `LiDAR` branch and zeros behind it.
@@ -80,8 +109,11 @@ fn to_f32(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use lgs_formats::image::RgbImage;
+
     use super::*;
     use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, QUAT};
+    use crate::views::{PinholeView, Role};
 
     /// One Gaussian of the `LiDAR` branch and one of the background, the same but for the branch.
     fn pair() -> GaussianSet {
@@ -113,6 +145,20 @@ mod tests {
         // colours 0.5, 1, 0 stand at 0 and at plus and minus sqrt(pi)
         let end = std::f32::consts::PI.sqrt();
         cloud.sh_dc[0].into_iter().zip([0.0, end, -end]).for_each(|(got, want)| near(got, want));
+    }
+
+    #[test]
+    fn a_stop_stands_where_its_camera_stood() {
+        let camera_from_clip = [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 1.5], [1.0, 0.0, 0.0, -7.0]];
+        let pinhole =
+            PinholeView { width: 4, height: 2, fx: 3.0, fy: 3.0, cx: 2.0, cy: 1.0, camera_from_clip, time: 0.5 };
+        let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
+        let (camera, role) = ("front".to_owned(), Role::Input);
+        let view = View { frame: 3, camera, role, pinhole, image, labels: None, depth_samples: Vec::new() };
+        let stop = stop(&view);
+        assert_eq!((stop.name.as_str(), stop.time), ("frame 3 front", 0.5));
+        let want = [0.0, 0.0, 1.0, 7.0, -1.0, 0.0, 0.0, 2.0, 0.0, -1.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];
+        assert_eq!(stop.scene_from_camera, want);
     }
 
     #[test]

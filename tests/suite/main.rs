@@ -9,6 +9,7 @@ mod render;
 mod structure;
 mod targetgen;
 mod train;
+mod viewer;
 
 use std::process::ExitCode;
 
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     cases.extend(importers::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
+    cases.extend(viewer::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }

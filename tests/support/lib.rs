@@ -1,5 +1,6 @@
 //! What the suite and the benches share: places, goldens, comparisons, scenes, processes.
 
+pub mod browser;
 pub mod clips;
 pub mod compare;
 pub mod golden;

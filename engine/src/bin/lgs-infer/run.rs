@@ -7,7 +7,7 @@ use lgs_engine::{
     allocator,
     densify::{DensityMap, Thresholds},
     evaluate::lpips::Lpips,
-    export::to_cloud,
+    export::{stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
     network::{
         describe::describe,
@@ -21,12 +21,12 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, importers};
+use lgs_formats::{clip_dir::ClipDir, importers, viewer};
 use sha2::{Digest, Sha256};
 
 use crate::{
     args::{Args, RefineWith, Switch, ViewsArg, word},
-    output::{Output, ViewPictures, output_dir, pictures_of, report_width},
+    output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     progress::Bars,
     summary::summary,
 };
@@ -94,8 +94,20 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     };
     let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
     let report = report(&metrics, &pictures, &dir);
-    Output { scene: &scene, views: &pictures, report: &report, metrics: &json }.write(&out)?;
+    let stops = || inputs.views().iter().map(stop).collect::<Vec<_>>();
+    let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
+    let exports = exports(args, inputs.views());
+    let viewer = viewer.as_deref();
+    Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
+}
+
+/// The files for other programs that are wanted of a scene that was seen in `views`.
+fn exports(args: &Args, views: &[View]) -> Exports {
+    let times = || views.iter().map(|view| view.pinhole.time);
+    let span = [times().reduce(f32::min), times().reduce(f32::max)].map(|moment| moment.unwrap_or(0.0));
+    let Args { plain, sequence, stg, spz, .. } = *args;
+    Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz }
 }
 
 /// The settings of a run, checked against its clip.

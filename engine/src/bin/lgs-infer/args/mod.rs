@@ -14,7 +14,7 @@ use lgs_engine::{
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
 pub(crate) use values::{BackgroundArg, DensityArg, RefineWith, Switch, ViewsArg, word};
-use values::{score, seconds};
+use values::{rate, score, seconds};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
@@ -103,6 +103,29 @@ pub(crate) struct Args {
     /// Views to draw, measure and write: `all`, `held-out` or `none`
     #[arg(long, value_enum, default_value_t = ViewsArg::All)]
     pub(crate) views: ViewsArg,
+
+    /// Write `scene.ply` for viewers that know plain 3D Gaussian splatting only: without velocities, times and scores, everything
+    /// where it is at --at-time, or at time 0
+    #[arg(long)]
+    pub(crate) plain: bool,
+
+    /// Write `sequence/00000.ply`, `00001.ply`, ... too: plain files for players of 4D scenes, this many for each second between
+    /// the first and the last input image [default: none]
+    #[arg(long, value_name = "FPS", value_parser = rate)]
+    pub(crate) sequence: Option<f32>,
+
+    /// Write `scene_stg.ply` too, with the properties of Spacetime Gaussians (`motion_*`, `trbf_*`); needs input images of more
+    /// than one moment
+    #[arg(long)]
+    pub(crate) stg: bool,
+
+    /// Write `scene.spz` too, a small file for web viewers, everything where it is at --at-time, or at time 0
+    #[arg(long)]
+    pub(crate) spz: bool,
+
+    /// Write `viewer.html` too: one file that shows the scene in a browser, with a time slider and the cameras as stops
+    #[arg(long)]
+    pub(crate) viewer: bool,
 
     /// Draw every view at this moment, seconds since the first input sweep, instead of at its image's own; there is no
     /// truth to measure against then [default: each image's own]

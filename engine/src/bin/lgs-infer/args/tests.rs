@@ -68,6 +68,8 @@ fn what_makes_no_sense_is_refused() {
         "c --frames -1",
         "c --frames 0..99999999999",
         "c --frames 1,,2",
+        "c --sequence 0",
+        "c --sequence inf",
         "c --hold-out every:0",
         "c --hold-out even",
         "c --at-time inf",

@@ -112,3 +112,8 @@ pub(super) fn seconds(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| value.is_finite());
     value.ok_or_else(|| format!("expected a finite number of seconds, found {text:?}"))
 }
+
+pub(super) fn rate(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| *value > 0.0 && *value <= 1000.0);
+    value.ok_or_else(|| format!("expected a rate from above 0 to 1000 per second, found {text:?}"))
+}
