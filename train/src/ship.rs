@@ -1,12 +1,10 @@
 //! Weights as they ship: the file that programs are built with, and the card beside it.
 
 use std::{
-    collections::{BTreeMap, HashMap},
     fmt::Write as _,
     path::{Path, PathBuf},
 };
 
-use candle_core::{DType, Device};
 use lgs_engine::network::{
     config::ModelConfig,
     describe::describe,
@@ -16,7 +14,10 @@ use lgs_engine::network::{
 use lgs_formats::{error::FormatError, write::write_atomic};
 use serde::Deserialize;
 
-use crate::error::{Result, TrainError};
+use crate::{
+    error::{Result, TrainError},
+    stages::weights::{Precision, StartWeights, write_weights},
+};
 
 /// Name of the weights file.
 pub const WEIGHTS_FILE: &str = "tiny.safetensors";
@@ -26,15 +27,6 @@ pub const CARD_FILE: &str = "tiny.md";
 pub const MAX_BYTES: usize = 16_000_000;
 /// Terms under which the weights may be used.
 pub const LICENCE: &str = "MIT OR Apache-2.0";
-
-/// How values are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Storage {
-    /// As they are.
-    Same,
-    /// In half precision.
-    Half,
-}
 
 /// What a card says beside what the files themselves say.
 #[derive(Clone, Copy, Debug)]
@@ -57,17 +49,20 @@ struct Measured {
 ///
 /// # Errors
 /// `from` is no weights file, or one with values that half precision cannot hold; the result would be too large; it cannot be written.
-pub fn weights(from: &Path, storage: Storage, dir: &Path) -> Result<PathBuf> {
-    let mut bytes = read(from)?;
-    if storage == Storage::Half {
-        bytes = in_half(&bytes, from)?;
-    }
+pub fn weights(from: &Path, precision: Precision, dir: &Path) -> Result<PathBuf> {
+    let path = dir.join(WEIGHTS_FILE);
+    let staged = tempfile::NamedTempFile::new().map_err(|e| FormatError::io(&path, "stage", e))?;
+    let bytes = match precision {
+        Precision::Full => read(from)?,
+        Precision::Half => {
+            write_weights(&StartWeights::read(from)?.variables, precision, staged.path())?;
+            read(staged.path())?
+        }
+    };
     if bytes.len() > MAX_BYTES {
         return Err(TrainError::config(from.display().to_string(), format!("at most {MAX_BYTES} bytes"), bytes.len()));
     }
-    let path = dir.join(WEIGHTS_FILE);
     // Refused here rather than by everyone who is given the file: tensors that lack or are not finite.
-    let staged = tempfile::NamedTempFile::new().map_err(|e| FormatError::io(&path, "stage", e))?;
     write_atomic(staged.path(), &bytes)?;
     load_model(staged.path())?;
     write_atomic(&path, &bytes)?;
@@ -107,17 +102,6 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 
 fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|e| FormatError::io(path, "read", e).into())
-}
-
-/// The weights file in half precision.
-fn in_half(bytes: &[u8], from: &Path) -> Result<Vec<u8>> {
-    let config = WeightFile::parse(&from.display().to_string(), bytes)?.metadata(CONFIG_KEY)?.to_owned();
-    let tensors = candle_core::safetensors::load_buffer(bytes, &Device::Cpu)?;
-    let half = tensors.into_iter().map(|(name, tensor)| Ok((name, tensor.to_dtype(DType::F16)?)));
-    let half: BTreeMap<_, _> = half.collect::<candle_core::Result<_>>()?;
-    let metadata = HashMap::from([(CONFIG_KEY.to_owned(), config)]);
-    safetensors::serialize(half, Some(metadata))
-        .map_err(|e| TrainError::Encode { file: from.to_owned(), reason: e.to_string() })
 }
 
 /// The types of the values, such as `F32`.

@@ -14,7 +14,8 @@ use lgs_train::ablate::job::{Hashed, Job, Observer};
 use lgs_train::ablate::record::ClipRecord;
 use lgs_train::ablate::scene::names;
 use lgs_train::ablate::settings::Settings;
-use lgs_train::ship::{CardSource, Storage, card, weights};
+use lgs_train::ship::{CardSource, card, weights};
+use lgs_train::stages::weights::Precision;
 use libtest_mimic::{Failed, Trial};
 
 pub(crate) fn cases() -> Vec<Trial> {
@@ -168,7 +169,7 @@ fn ship() -> Outcome {
     place.job(&[])?.run(&Notes::default()).map_err(failed)?;
     let (ablation, notes) = (place.dir.path().join("ablation"), place.dir.path().join("notes.md"));
     fs::write(&notes, "## Data\n\nNone.\n")?;
-    let same = weights(&place.weights(), Storage::Same, place.dir.path()).map_err(failed)?;
+    let same = weights(&place.weights(), Precision::Full, place.dir.path()).map_err(failed)?;
     let written =
         card(CardSource { weights: &same, ablation: &ablation, notes: &notes }, place.dir.path()).map_err(failed)?;
     let text = fs::read_to_string(written)?;
@@ -177,7 +178,7 @@ fn ship() -> Outcome {
             return Err(format!("the card lacks {wanted}: {text}").into());
         }
     }
-    let half = weights(&same, Storage::Half, place.dir.path()).map_err(failed)?;
+    let half = weights(&same, Precision::Half, place.dir.path()).map_err(failed)?;
     load_model(&half).map_err(failed)?;
     match card(CardSource { weights: &half, ablation: &ablation, notes: &notes }, place.dir.path()) {
         Err(error) if error.to_string().contains("ablation.json") => Ok(()),

@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-//! Training: runs that were interrupted, threads, what is never read, steps that are skipped, what is learnt.
-=======
-//! Training: a run that was interrupted, threads, what is never read, steps that are skipped; what the result is worth.
->>>>>>> ab
+//! Training: runs that were interrupted, threads, what is never read, steps that are skipped, what is learnt, what it is worth.
 
 mod ablate;
 mod backbone;
@@ -14,9 +10,6 @@ mod weights;
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-<<<<<<< HEAD
-    [backbone::cases(), policy::cases(), finetune::cases(), weights::cases()].into_iter().flatten().collect()
-=======
-    [ablate::cases(), backbone::cases()].into_iter().flatten().collect()
->>>>>>> ab
+    let all = [ablate::cases(), backbone::cases(), policy::cases(), finetune::cases(), weights::cases()];
+    all.into_iter().flatten().collect()
 }

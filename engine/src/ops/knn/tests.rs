@@ -1,8 +1,13 @@
 //! Against the slow twin, and at the edges.
 
+use std::num::NonZeroUsize;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use proptest::prelude::*;
 
-use super::{NO_NEIGHBOUR, nearest, nearest_of, nearest_other_time, nearest_other_time_of, reference};
+use super::{
+    NO_NEIGHBOUR, nearest, nearest_of, nearest_other_time, nearest_other_time_of, reference, squared_distance,
+};
 
 fn assert_equal(points: &[[f32; 3]], groups: &[u32], k: usize) {
     let got = nearest_other_time(points, groups, k).unwrap();
@@ -61,6 +66,23 @@ fn refuses_what_is_not_finite_and_wrong_lengths() {
     assert!(nearest_of(&[[0.0; 3]; 2], &[2], 1).unwrap_err().to_string().contains("below 2, found 2"));
     assert!(nearest_other_time_of(&[[0.0; 3]; 2], &[0], &[1], 1).is_err());
     assert!(nearest_of(&[], &[], 3).unwrap().indices.is_empty());
+}
+
+#[test]
+fn distances_are_those_of_an_independent_tree() {
+    let points: Vec<[f32; 3]> = (0..20_000_u32)
+        .map(|i| [0.754_877_7_f32, 0.569_840_3, 0.219_51].map(|a| (i as f32 * a).fract() * 80.0))
+        .collect();
+    let tree = ImmutableKdTree::<f32, 3>::new_from_slice(&points).unwrap();
+    let found = nearest(&points, 8).unwrap();
+    for (i, point) in points.iter().enumerate() {
+        let with_itself = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(NonZeroUsize::new(9).unwrap()).execute();
+        for (theirs, &ours) in with_itself[1..].iter().zip(found.of(i)) {
+            let ours = squared_distance(point, &points[ours as usize]);
+            let theirs = f64::from(theirs.distance);
+            assert!((theirs - ours).abs() <= 1e-5 * ours, "point {i}: {ours}, theirs {theirs}");
+        }
+    }
 }
 
 #[test]

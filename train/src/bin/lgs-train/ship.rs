@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use lgs_train::ship::{CardSource, Storage, card, weights};
+use lgs_train::ship::{CardSource, card, weights};
+use lgs_train::stages::weights::Precision;
 
 /// Flags of `ship`.
 #[derive(Clone, Debug, Args)]
@@ -30,7 +31,7 @@ pub(crate) struct ShipArgs {
 pub(crate) fn ship(args: &ShipArgs) -> Result<String> {
     let written = match (&args.ablation, &args.notes) {
         (Some(ablation), Some(notes)) => card(CardSource { weights: &args.weights, ablation, notes }, &args.out)?,
-        _ => weights(&args.weights, if args.half { Storage::Half } else { Storage::Same }, &args.out)?,
+        _ => weights(&args.weights, if args.half { Precision::Half } else { Precision::Full }, &args.out)?,
     };
     Ok(written.display().to_string())
 }
