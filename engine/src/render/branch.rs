@@ -128,7 +128,7 @@ mod tests {
         let without = projection.without(&removed).render(&view, [0.1; 3]).images;
         assert_eq!(without, render(&kept, &view, [0.1; 3]));
         assert_ne!(without, added);
-        let (all_gone, nothing) = (vec![true; base.len()], [Splat::default(); 0]);
+        let (all_gone, nothing) = (vec![true; base.len()], Vec::<Splat>::new());
         assert_eq!(projection.without(&all_gone).render(&view, [0.1; 3]).images, render(&nothing, &view, [0.1; 3]));
         let back = projection.without(&all_gone).with(base, 0, &view).render(&view, [0.1; 3]).images;
         assert_eq!(back, render(base, &view, [0.1; 3]));

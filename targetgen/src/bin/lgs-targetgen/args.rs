@@ -75,7 +75,7 @@ pub(crate) struct JobArgs {
     #[arg(long, value_name = "I/N", value_parser = part)]
     pub(crate) part: Option<Part>,
 
-    /// Most data of a shard, 10^6 bytes; a larger clip stands alone
+    /// Most data of a shard, 10^6 bytes; a larger clip stands alone. The report at the end holds one shard in memory
     #[arg(long, value_name = "MB", default_value_t = 256, value_parser = RangedU64ValueParser::<u64>::new().range(1..=4000))]
     pub(crate) shard_mb: u64,
 
@@ -155,7 +155,7 @@ pub(crate) struct MergeArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
-    /// Most data of a shard, 10^6 bytes; a larger clip stands alone
+    /// Most data of a shard, 10^6 bytes; a larger clip stands alone. The report at the end holds one shard in memory
     #[arg(long, value_name = "MB", default_value_t = 256, value_parser = RangedU64ValueParser::<u64>::new().range(1..=4000))]
     pub(crate) shard_mb: u64,
 }
