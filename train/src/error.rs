@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use lgs_engine::error::EngineError;
 use lgs_formats::error::FormatError;
+use lgs_targetgen::error::TargetError;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -16,7 +17,7 @@ pub enum TrainError {
     Engine(#[from] EngineError),
     /// Targets, or a scene to score, could not be made.
     #[error(transparent)]
-    Target(#[from] lgs_targetgen::error::TargetError),
+    Target(Box<TargetError>),
     /// A tensor operation failed.
     #[error("tensor operation failed: {0}")]
     Tensor(#[from] candle_core::Error),
@@ -59,6 +60,12 @@ pub enum TrainError {
         /// Why not.
         reason: String,
     },
+}
+
+impl From<TargetError> for TrainError {
+    fn from(error: TargetError) -> Self {
+        Self::Target(Box::new(error))
+    }
 }
 
 impl TrainError {
