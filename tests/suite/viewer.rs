@@ -86,7 +86,6 @@ fn draws_what_we_draw() -> Outcome {
             return Err(format!("{name}: {:?}, want {:?}", shown.dimensions(), own.dimensions()).into());
         }
         let psnr = psnr(&shown, &own);
-        println!("{name}: {psnr:.1} dB between the page and our own picture");
         if psnr < CLOSE_DB {
             return Err(format!("{name}: {psnr:.1} dB, want {CLOSE_DB}").into());
         }
