@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use lgs_engine::error::EngineError;
 use lgs_formats::error::FormatError;
+use lgs_targetgen::error::TargetError;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -14,9 +15,6 @@ pub enum TrainError {
     /// The engine found something wrong.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// Targets, or a scene to score, could not be made.
-    #[error(transparent)]
-    Target(#[from] lgs_targetgen::error::TargetError),
     /// A tensor operation failed.
     #[error("tensor operation failed: {0}")]
     Tensor(#[from] candle_core::Error),
@@ -59,6 +57,16 @@ pub enum TrainError {
         /// Why not.
         reason: String,
     },
+}
+
+impl From<TargetError> for TrainError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Engine(error) => Self::Engine(error),
+            TargetError::Format(error) => Self::Format(error),
+            TargetError::Setting { setting, expected, found } => Self::Config { field: setting, expected, found },
+        }
+    }
 }
 
 impl TrainError {
