@@ -15,9 +15,6 @@ pub enum TrainError {
     /// The engine found something wrong.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// Targets, or a scene to score, could not be made.
-    #[error(transparent)]
-    Target(Box<TargetError>),
     /// A tensor operation failed.
     #[error("tensor operation failed: {0}")]
     Tensor(#[from] candle_core::Error),
@@ -64,7 +61,11 @@ pub enum TrainError {
 
 impl From<TargetError> for TrainError {
     fn from(error: TargetError) -> Self {
-        Self::Target(Box::new(error))
+        match error {
+            TargetError::Engine(error) => Self::Engine(error),
+            TargetError::Format(error) => Self::Format(error),
+            TargetError::Setting { setting, expected, found } => Self::Config { field: setting, expected, found },
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use lgs_train::stages::validate::ValidationClip;
 use libtest_mimic::Trial;
 
 use super::fixtures::{
-    FRAMES, Silent, bytes, clip, clips, config, failed, job, open, settings, spoil_odd_frames, whole_and_resumed,
+    Ends, FRAMES, Silent, bytes, clip, clips, config, failed, job, open, settings, spoil_odd_frames, whole_and_resumed,
 };
 
 pub(crate) fn cases() -> Vec<Trial> {
@@ -31,7 +31,7 @@ fn same_bits_after_resume() -> Outcome {
     let place = tempfile::tempdir()?;
     let clips = clips(place.path())?;
     let start = || State::new(&config(), settings(6)).map_err(failed);
-    let ([whole, resumed], folder) = whole_and_resumed(place.path(), start, |out| job(&clips, out))?;
+    let Ends { whole, resumed, folder } = whole_and_resumed(place.path(), start, |out| job(&clips, out))?;
     if whole != resumed {
         return Err("the resumed run ended with other bits".into());
     }

@@ -15,7 +15,7 @@ use lgs_train::stages::variables::Variables;
 use libtest_mimic::{Failed, Trial};
 
 use super::fixtures::{
-    Silent, clip, clips, config, config_with_policy, failed, open, settings, spoil_odd_frames, whole_and_resumed,
+    Ends, Silent, clip, clips, config, config_with_policy, failed, open, settings, spoil_odd_frames, whole_and_resumed,
 };
 
 pub(crate) fn cases() -> Vec<Trial> {
@@ -47,7 +47,7 @@ fn same_bits_after_resume() -> Outcome {
     let place = tempfile::tempdir()?;
     let clips = clips(place.path())?;
     let job = |out: &Path| job(&clips, &HoldOut::Nothing, out);
-    let ([whole, resumed], _) = whole_and_resumed(place.path(), || start(finetuning(6, [0.4, 0.4])), job)?;
+    let Ends { whole, resumed, .. } = whole_and_resumed(place.path(), || start(finetuning(6, [0.4, 0.4])), job)?;
     if whole == resumed { Ok(()) } else { Err("the resumed run ended with other bits".into()) }
 }
 

@@ -124,12 +124,22 @@ pub(crate) fn bytes(dir: &Path) -> Result<[Vec<u8>; 2], Failed> {
     Ok([std::fs::read(dir.join(CHECKPOINT_FILE))?, std::fs::read(dir.join(WEIGHTS_FILE))?])
 }
 
-/// Runs a stage at once, and another time interrupted after step 3 and resumed; the files of both, and the folder of the second.
+/// How a run ends, undisturbed and resumed.
+pub(crate) struct Ends {
+    /// Checkpoint and weights of the undisturbed run.
+    pub(crate) whole: [Vec<u8>; 2],
+    /// Of the other.
+    pub(crate) resumed: [Vec<u8>; 2],
+    /// Folder of the other.
+    pub(crate) folder: PathBuf,
+}
+
+/// Runs a stage at once, and another time interrupted after step 3 and resumed.
 pub(crate) fn whole_and_resumed<T: Task>(
     place: &Path,
     start: impl Fn() -> Result<State<T::Settings>, Failed>,
     job: impl Fn(&Path) -> Result<Job<T>, Failed>,
-) -> Result<([[Vec<u8>; 2]; 2], PathBuf), Failed> {
+) -> Result<Ends, Failed> {
     let at_once = place.join("at_once");
     train(&mut start()?, &job(&at_once)?, &Silent).map_err(failed)?;
     let in_two = place.join("in_two");
@@ -142,7 +152,7 @@ pub(crate) fn whole_and_resumed<T: Task>(
         return Err(format!("expected the checkpoint of step 3, found {}", state.step).into());
     }
     train(&mut state, &job(&interrupted.copy)?, &Silent).map_err(failed)?;
-    Ok(([bytes(&at_once)?, bytes(&interrupted.copy)?], interrupted.copy))
+    Ok(Ends { whole: bytes(&at_once)?, resumed: bytes(&interrupted.copy)?, folder: interrupted.copy })
 }
 
 /// Keeps the files that a run has written by a step, as an interruption would leave them.

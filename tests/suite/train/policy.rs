@@ -19,7 +19,7 @@ use lgs_train::stages::variables::Variables;
 use lgs_train::stages::weights::{Precision, StartWeights, write_weights};
 use libtest_mimic::{Failed, Trial};
 
-use super::fixtures::{Silent, config_with_policy, failed, whole_and_resumed};
+use super::fixtures::{Ends, Silent, config_with_policy, failed, whole_and_resumed};
 use crate::targetgen::job::{SMALL, targetgen};
 
 /// What stands for the digest of weights.
@@ -195,7 +195,7 @@ fn same_bits_after_resume() -> Outcome {
     let place = tempfile::tempdir()?;
     let folder = place.path().join("shards");
     shards(&folder, &targets_config(Signal::Footprint), &[0, 1, 2].map(|k| clip(k, width(), 1.0)))?;
-    let ([whole, resumed], _) = whole_and_resumed(place.path(), || start(6), |out| job(&folder, 0, out))?;
+    let Ends { whole, resumed, .. } = whole_and_resumed(place.path(), || start(6), |out| job(&folder, 0, out))?;
     if whole == resumed { Ok(()) } else { Err("the resumed run ended with other bits".into()) }
 }
 
