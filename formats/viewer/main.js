@@ -139,7 +139,13 @@ class Page {
     this.isStale = true;
   }
 
-  async draw() {
+  // One drawing after the other: the library would answer a second one while it sorts with the order of the first.
+  draw() {
+    this.drawing = (this.drawing ?? Promise.resolve()).then(() => this.drawNow());
+    return this.drawing;
+  }
+
+  async drawNow() {
     this.isStale = false;
     this.camera.updateMatrixWorld();
     // The first update makes the splats of this moment and sorts them, the second takes the order that was found.

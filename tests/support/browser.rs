@@ -4,6 +4,7 @@ use std::env;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -15,6 +16,10 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chro
 const FLAGS: &str = "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking \
     --disable-component-update --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader --ignore-gpu-blocklist \
     --force-color-profile=srgb --window-size=1280,800 --remote-debugging-pipe";
+
+/// Between two looks at whether a page is there, and how many before it is given up.
+const WAIT: Duration = Duration::from_millis(50);
+const MOST_WAITS: usize = 1200;
 
 /// Whether there is a browser.
 pub fn needed() -> Needed {
@@ -61,7 +66,14 @@ impl Page {
         let target = page.call("Target.createTarget", &json!({ "url": url }))?["targetId"].clone();
         let attached = page.call("Target.attachToTarget", &json!({ "targetId": target, "flatten": true }))?;
         page.session = attached["sessionId"].as_str().map(str::to_owned);
-        Ok(page)
+        // until the empty page that a target begins with has given way, what is asked of it may go down with it
+        for _ in 0..MOST_WAITS {
+            match page.value("location.protocol + document.readyState") {
+                Ok(state) if state == "file:complete" => return Ok(page),
+                _ => std::thread::sleep(WAIT),
+            }
+        }
+        Err(format!("{url}: not loaded after {MOST_WAITS} waits of {WAIT:?}"))
     }
 
     /// What a JavaScript expression, or the promise that it is, comes to.
