@@ -4,6 +4,6 @@ mod sequence;
 mod spz;
 mod stg;
 
-pub use sequence::write_sequence;
+pub use sequence::{num_files, write_sequence};
 pub use spz::{Written as WrittenSpz, write_spz};
 pub use stg::write_stg;

@@ -17,20 +17,28 @@ const MAX_FILES: f64 = 100_000.0;
 /// # Errors
 /// A rate that is not positive or asks for more than 100,000 files; those of [`write_plain_ply`].
 pub fn write_sequence(directory: &Path, cloud: &SplatCloud, span: [f32; 2], rate: f32) -> Result<u32> {
-    let [first, last] = span.map(f64::from);
-    // a moment that rounding has put just behind the end still counts
-    let steps = ((last - first) * f64::from(rate) + 1e-3).floor();
-    if !(rate > 0.0 && (0.0..MAX_FILES).contains(&steps)) {
-        let expected = format!("a positive rate that makes at most {MAX_FILES} files of {:.3} s", last - first);
-        return Err(FormatError::invalid(directory, "files per second", expected, rate.to_string()));
-    }
+    let refused = |expected: String| FormatError::invalid(directory, "files per second", expected, rate.to_string());
+    let count = num_files(span, rate).map_err(refused)?;
     std::fs::create_dir_all(directory).map_err(|e| FormatError::io(directory, "make", e))?;
-    let count = whole(steps) + 1;
     for index in 0..count {
-        let moment = first + f64::from(index) / f64::from(rate);
+        let moment = f64::from(span[0]) + f64::from(index) / f64::from(rate);
         write_plain_ply(&directory.join(format!("{index:05}.ply")), &cloud.at(to_f32(moment)))?;
     }
     Ok(count)
+}
+
+/// The number of files that [`write_sequence`] writes.
+///
+/// # Errors
+/// What would be right, when the rate is not positive or asks for more than 100,000 files.
+pub fn num_files(span: [f32; 2], rate: f32) -> std::result::Result<u32, String> {
+    let length = f64::from(span[1]) - f64::from(span[0]);
+    // a moment that rounding has put just behind the end still counts
+    let steps = (length * f64::from(rate) + 1e-3).floor();
+    if rate > 0.0 && (0.0..MAX_FILES).contains(&steps) {
+        return Ok(whole(steps) + 1);
+    }
+    Err(format!("a positive rate that makes at most {MAX_FILES} files of {length:.3} s"))
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number below MAX_FILES")]

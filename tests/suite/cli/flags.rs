@@ -5,7 +5,7 @@ use lgs_tests::{Outcome, case, clips};
 use libtest_mimic::Trial;
 
 /// Flags that must be refused, and what the message must hold.
-const REFUSED: [(&str, &[&str], &[&str]); 21] = [
+const REFUSED: [(&str, &[&str], &[&str]); 23] = [
     ("unknown_flag", &["--no-such-flag"], &["--no-such-flag"]),
     ("unknown_camera", &["--cameras", "rear_window"], &["--cameras", "rear_window"]),
     ("hold_out_beyond_the_clip", &["--hold-out", "999"], &["--hold-out", "999"]),
@@ -26,6 +26,8 @@ const REFUSED: [(&str, &[&str], &[&str]); 21] = [
     ("learned_steps_of_adam", &["--refine-with", "adam:3", "--refine-steps", "3"], &["--refine-steps", "adam"]),
     ("views_of_learned_steps", &["--adam-views", "3"], &["--adam-views", "learned"]),
     ("unknown_refiner", &["--refine-with", "sgd:3"], &["--refine-with", "sgd:3"]),
+    ("spacetime_of_one_moment", &["--stg", "--frames", "0", "--cameras", "front"], &["--stg", "one moment"]),
+    ("sequence_at_no_rate", &["--sequence", "0"], &["--sequence", "0"]),
     ("missing_lpips_weights", &["--lpips-weights", "nowhere.safetensors"], &["nowhere.safetensors"]),
 ];
 

@@ -2,7 +2,7 @@
 
 use std::{num::NonZeroUsize, path::Path, time::Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
     densify::{DensityMap, Thresholds},
@@ -21,7 +21,7 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, importers, viewer};
+use lgs_formats::{clip_dir::ClipDir, exports::num_files, importers, viewer};
 use sha2::{Digest, Sha256};
 
 use crate::{
@@ -57,6 +57,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let job = Job::new(args, &dir)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
+    let exports = exports(args, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
@@ -96,18 +97,23 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let report = report(&metrics, &pictures, &dir);
     let stops = || inputs.views().iter().map(stop).collect::<Vec<_>>();
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
-    let exports = exports(args, inputs.views());
     let viewer = viewer.as_deref();
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
 }
 
-/// The files for other programs that are wanted of a scene that was seen in `views`.
-fn exports(args: &Args, views: &[View]) -> Exports {
+/// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.
+fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     let times = || views.iter().map(|view| view.pinhole.time);
     let span = [times().reduce(f32::min), times().reduce(f32::max)].map(|moment| moment.unwrap_or(0.0));
     let Args { plain, sequence, stg, spz, .. } = *args;
-    Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz }
+    if stg && span[0] >= span[1] {
+        bail!("--stg: expected input images of more than one moment, found {} s only", span[0]);
+    }
+    if let Some(rate) = sequence {
+        num_files(span, rate).map_err(|expected| anyhow!("--sequence: expected {expected}, found {rate}"))?;
+    }
+    Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
 }
 
 /// The settings of a run, checked against its clip.
