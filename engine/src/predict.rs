@@ -99,8 +99,10 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
 /// When a position leaves the voxel grid.
 pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedModel) -> Result<()> {
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let outputs = model.initial.heads(&features.rows, chosen.len(), &mut features.buffers);
-    add_residuals(set, &chosen, &outputs, model.initial.num_outputs());
+    let heads = model.initial.heads();
+    let own = if heads.read_own() { initial_rows(set, &chosen) } else { Vec::new() };
+    let outputs = heads.forward(&features.rows, &own, chosen.len(), &mut features.buffers);
+    add_residuals(set, &chosen, &outputs, heads.num_outputs());
     features.buffers.give(outputs);
     let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
     if chosen.is_empty() {
@@ -109,12 +111,20 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
     let voxels = voxels_of(positions(set, &chosen), model.config.background_voxel_size)?;
     let levels = Levels::new(&voxels, model.config.background_unet.num_levels())?;
     let (pass, rows) = (&model.background_initial, initial_rows(set, &chosen));
-    let buffers = &mut features.buffers;
+    let (heads, buffers) = (pass.heads(), &mut features.buffers);
     let sites = pass.site_features(&rows, BACKGROUND_INITIAL_INPUTS, &levels, buffers);
-    let outputs = pass.heads(&sites, levels.sites.len(), buffers);
-    let by_point = gather(&outputs, &levels, buffers);
-    add_residuals(set, &chosen, &by_point, pass.num_outputs());
-    [sites, outputs, by_point].into_iter().for_each(|buffer| buffers.give(buffer));
+    // Linear heads say the same of all points of a site.
+    let (first, outputs) = if heads.read_own() {
+        let by_point = gather(&sites, &levels, buffers);
+        let outputs = heads.forward(&by_point, &rows, chosen.len(), buffers);
+        (by_point, outputs)
+    } else {
+        let by_site = heads.forward(&sites, &[], levels.sites.len(), buffers);
+        let outputs = gather(&by_site, &levels, buffers);
+        (by_site, outputs)
+    };
+    add_residuals(set, &chosen, &outputs, heads.num_outputs());
+    [sites, first, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
 }
 

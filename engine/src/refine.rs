@@ -8,11 +8,13 @@ use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
 use crate::loss::LossWeights;
 use crate::network::buffers::Buffers;
+use crate::network::config::Guidance;
+use crate::network::guide::{Guide, refine_inputs, refine_rows};
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::FoldedModel;
-use crate::network::normalise::{BACKGROUND_REFINE_INPUTS, REFINE_INPUTS, add_residuals, refine_rows};
+use crate::network::normalise::add_residuals;
 use crate::network::pass::{FoldedPass, gather, with_own};
-use crate::objective::{Objective, objective};
+use crate::objective::{Objective, Wanted, objective_with};
 use crate::views::View;
 
 /// What a refinement did, and what it left out because the scene did not need it.
@@ -109,10 +111,11 @@ pub fn refine_and_show(
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(summary);
     }
-    let mut current = measured(set, views, &mut summary);
+    let guidance = model.config.guidance;
+    let mut current = measured(set, views, guidance, &mut summary);
     for _ in 0..steps {
         let before = set.clone();
-        summary.non_finite_gradients += silence(&mut current.gradient);
+        summary.non_finite_gradients += silence_guide(&mut current, guidance);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
         let start = Instant::now();
         for (branch, pyramid) in pyramids.iter_mut().enumerate() {
@@ -123,7 +126,7 @@ pub fn refine_and_show(
             summary.stopped_early = true;
             break;
         }
-        let after = measured(set, views, &mut summary);
+        let after = measured(set, views, guidance, &mut summary);
         // Written so that a loss that is not a number counts as no gain.
         let fell = after.loss < current.loss;
         if !fell {
@@ -140,12 +143,36 @@ pub fn refine_and_show(
 }
 
 /// The objective, noted in the summary.
-fn measured(set: &GaussianSet, views: &[&View], summary: &mut RefineSummary) -> Objective {
-    let found = objective(set, views, &LossWeights::default());
+fn measured(set: &GaussianSet, views: &[&View], guidance: Guidance, summary: &mut RefineSummary) -> Objective {
+    let found = objective_with(set, views, &LossWeights::default(), wanted(guidance));
     summary.losses.push(found.loss);
     summary.seconds.render += found.seconds.render;
     summary.seconds.loss += found.seconds.loss;
     found
+}
+
+/// What a model asks of the objective beside the loss.
+pub const fn wanted(guidance: Guidance) -> Wanted {
+    match guidance {
+        Guidance::Gradient => Wanted { gradient: true, mean_residuals: false },
+        Guidance::Residual => Wanted { gradient: false, mean_residuals: true },
+    }
+}
+
+/// What guides a model.
+pub const fn guide(objective: &Objective, guidance: Guidance) -> Guide<'_> {
+    match guidance {
+        Guidance::Gradient => Guide::Gradient(&objective.gradient),
+        Guidance::Residual => Guide::Residual(&objective.mean_residuals),
+    }
+}
+
+/// Sets what guides a model to zero for every Gaussian of which a value is not finite, and counts them.
+pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
+    silence(match guidance {
+        Guidance::Gradient => &mut objective.gradient,
+        Guidance::Residual => &mut objective.mean_residuals.gradient,
+    })
 }
 
 /// One step of one branch.
@@ -163,17 +190,21 @@ fn step(
     }
     let config = &model.config;
     let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
-        (&model.refine, REFINE_INPUTS, config.voxel_size, &config.unet)
+        (&model.refine, refine_inputs(config.guidance, true), config.voxel_size, &config.unet)
     } else {
-        (&model.background_refine, BACKGROUND_REFINE_INPUTS, config.background_voxel_size, &config.background_unet)
+        let inputs = refine_inputs(config.guidance, false);
+        (&model.background_refine, inputs, config.background_voxel_size, &config.background_unet)
     };
     let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
-    let rows = refine_rows(set, &objective.gradient, &seen, moving);
+    let rows = refine_rows(set, guide(objective, config.guidance), &seen, moving);
     let by_site = pass.site_features(&rows.inputs, cin, levels, buffers);
     let mut features = gather(&by_site, levels, buffers);
-    with_own(&mut features, &rows.own, seen.len());
-    let outputs = pass.heads(&features, seen.len(), buffers);
-    add_residuals(set, &seen, &outputs, pass.num_outputs());
+    let heads = pass.heads();
+    if !heads.read_own() {
+        with_own(&mut features, &rows.own, seen.len());
+    }
+    let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
+    add_residuals(set, &seen, &outputs, heads.num_outputs());
     [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
 }

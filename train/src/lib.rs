@@ -2,6 +2,8 @@
 
 pub mod error;
 pub mod scenes;
+pub mod velocity;
+
 pub mod stages;
 
 pub mod ablate;

@@ -8,6 +8,7 @@ mod depth;
 mod l1;
 mod map;
 pub mod op;
+mod residual;
 pub mod ssim;
 mod velocity;
 
@@ -21,6 +22,7 @@ use crate::{
 };
 pub(crate) use depth::depth_errors;
 pub use map::{LossCounts, LossMap, loss_map, patch_change};
+pub use residual::residual_image;
 use ssim::ImagePair;
 pub use velocity::velocity_loss;
 

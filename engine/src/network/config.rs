@@ -24,6 +24,13 @@ pub struct ModelConfig {
     pub voxel_size: f64,
     /// Edge of a voxel of the background's finest level, metres: its Gaussians are far and sparse.
     pub background_voxel_size: f64,
+    /// What tells a refinement step how the rendered views differ from the input views.
+    #[serde(default, skip_serializing_if = "Guidance::is_gradient")]
+    pub guidance: Guidance,
+    /// Width of a hidden layer of the heads, which reads what is each Gaussian's own beside the features of its voxel; absent: linear heads
+    /// on the features.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub head_width: Option<usize>,
     /// U-Nets of the `LiDAR` branch, first prediction and refinement.
     pub unet: UNetConfig,
     /// U-Nets of the background branch.
@@ -32,6 +39,24 @@ pub struct ModelConfig {
     pub query: Option<QueryConfig>,
     /// Gaussian Densify Policy; absent: not part of the model.
     pub policy: Option<PolicyConfig>,
+}
+
+/// What tells a refinement step how the rendered views differ from the input views.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Guidance {
+    /// The gradient of the loss, every dimension at its own scale in the scene.
+    #[default]
+    Gradient,
+    /// The errors that a Gaussian sees on average, at their own scale: how far off it is, not only in which direction.
+    Residual,
+}
+
+impl Guidance {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+    fn is_gradient(&self) -> bool {
+        *self == Self::Gradient
+    }
 }
 
 /// Size of the Cross-Time Point Query.
@@ -87,6 +112,9 @@ impl ModelConfig {
                     found,
                 ));
             }
+        }
+        if let Some(width) = self.head_width.filter(|width| !(1..=4096).contains(width)) {
+            return Some(("head_width", "1 to 4096".to_owned(), width.to_string()));
         }
         if let Some(fault) = self.policy.as_ref().and_then(PolicyConfig::fault) {
             return Some(fault);

@@ -83,6 +83,11 @@ impl PackedLinear {
         convolve_into(x, &self.weights, map, &epilogue, out);
     }
 
+    /// As [`PackedLinear::forward`], then what is below zero set to zero.
+    pub fn forward_relu(&self, x: &[f32], map: &KernelMap, out: &mut [f32]) {
+        convolve_into(x, &self.weights, map, &Epilogue { bias: Some(&self.bias), residual: None, relu: true }, out);
+    }
+
     /// Number of output channels.
     pub fn cout(&self) -> usize {
         self.bias.len()

@@ -3,6 +3,8 @@
 pub mod buffers;
 pub mod config;
 pub mod describe;
+pub mod guide;
+pub mod heads;
 pub mod layers;
 pub mod levels;
 pub mod linear;

@@ -4,10 +4,13 @@ use candle_core::{DType, Device, Result};
 use candle_nn::VarBuilder;
 
 use super::config::ModelConfig;
-use super::normalise::{BACKGROUND_REFINE_INPUTS, INITIAL_INPUTS, REFINE_INPUTS};
-use super::pass::{FoldedPass, Outputs, Pass};
+use super::guide::refine_inputs;
+use super::heads::{HeadSizes, Outputs};
+use super::normalise::INITIAL_INPUTS;
+use super::pass::{FoldedPass, Pass};
 use super::policy::{EXTRA_INPUTS, FoldedPolicy, Policy};
 use super::query::{PackedQuery, Query};
+use super::unet::UNetConfig;
 use super::weights::{RandomWeights, Recorder, TensorSpec, WeightFile};
 
 /// The background has no time of its own, but its input keeps the column: 14 attributes and a time of zero.
@@ -56,17 +59,21 @@ impl Model {
     /// When the builder has no such tensor.
     pub fn new(config: &ModelConfig, vb: &VarBuilder<'_>) -> Result<Self> {
         let background = vb.pp("background");
-        let moving = |cin, name: &str| Pass::new(cin, &config.unet, Outputs::Moving, &vb.pp(name));
-        let still = |cin, name: &str| Pass::new(cin, &config.background_unet, Outputs::Static, &background.pp(name));
+        let pass = |cin: usize, unet: &UNetConfig, outputs, vb: VarBuilder<'_>| {
+            let heads = HeadSizes { features: unet.width(), own: cin, hidden: config.head_width, outputs };
+            Pass::new(cin, unet, &heads, &vb)
+        };
+        let moving = |cin, name: &str| pass(cin, &config.unet, Outputs::Moving, vb.pp(name));
+        let still = |cin, name: &str| pass(cin, &config.background_unet, Outputs::Static, background.pp(name));
         let query = config.query.as_ref().map(|_| Query::new(config.unet.width(), &vb.pp("query"))).transpose()?;
         let inputs = config.unet.width() + EXTRA_INPUTS;
         let policy = config.policy.as_ref().map(|policy| Policy::new(inputs, policy, &vb.pp("policy"))).transpose()?;
         Ok(Self {
             policy,
             initial: moving(INITIAL_INPUTS, "initial")?,
-            refine: moving(REFINE_INPUTS, "refine")?,
+            refine: moving(refine_inputs(config.guidance, true), "refine")?,
             background_initial: still(BACKGROUND_INITIAL_INPUTS, "initial")?,
-            background_refine: still(BACKGROUND_REFINE_INPUTS, "refine")?,
+            background_refine: still(refine_inputs(config.guidance, false), "refine")?,
             query,
         })
     }

@@ -6,52 +6,32 @@ use candle_core::{Result, Tensor};
 use candle_nn::VarBuilder;
 
 use super::buffers::Buffers;
+use super::heads::{FoldedHeads, HeadSizes, Heads};
 use super::levels::Levels;
-use super::linear::{Linear, PackedLinear};
 use super::unet::{FoldedUNet, UNet, UNetConfig};
-use crate::gaussians::NUM_ATTRIBUTES;
 use crate::ops::segment::{self, Segments};
-use crate::ops::sparse_conv::KernelMap;
-
-/// What the heads of a pass predict.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outputs {
-    /// Attribute residuals and velocities (or their residuals): the `LiDAR` branch.
-    Moving,
-    /// Attribute residuals: the background.
-    Static,
-}
 
 /// The trainable pass.
 #[derive(Clone, Debug)]
 pub struct Pass {
     unet: UNet,
-    gaussian_head: Linear,
-    velocity_head: Option<Linear>,
+    heads: Heads,
 }
 
 /// The pass as inference runs it.
 #[derive(Clone, Debug)]
 pub struct FoldedPass {
     unet: FoldedUNet,
-    gaussian_head: PackedLinear,
-    velocity_head: Option<PackedLinear>,
-    width: usize,
+    heads: FoldedHeads,
 }
 
 impl Pass {
-    /// Makes or loads `unet`, `heads.gaussian` and, where things move, `heads.velocity`; the heads start at zero.
+    /// Makes or loads `unet` and `heads`; the heads start at zero.
     ///
     /// # Errors
     /// When the builder has no such tensor.
-    pub fn new(cin: usize, config: &UNetConfig, outputs: Outputs, vb: &VarBuilder<'_>) -> Result<Self> {
-        let heads = vb.pp("heads");
-        let head = |name: &str, cout: usize| Linear::zero(config.width(), cout, &heads.pp(name));
-        Ok(Self {
-            unet: UNet::new(cin, config, &vb.pp("unet"))?,
-            gaussian_head: head("gaussian", NUM_ATTRIBUTES)?,
-            velocity_head: (outputs == Outputs::Moving).then(|| head("velocity", 3)).transpose()?,
-        })
+    pub fn new(cin: usize, config: &UNetConfig, heads: &HeadSizes, vb: &VarBuilder<'_>) -> Result<Self> {
+        Ok(Self { unet: UNet::new(cin, config, &vb.pp("unet"))?, heads: Heads::new(heads, &vb.pp("heads"))? })
     }
 
     /// Features of the points, differentiable: voxel means of `rows`, the U-Net, then every point its voxel's features.
@@ -87,16 +67,9 @@ impl Pass {
         Tensor::cat(&[added, gated, features.narrow(1, 2 * used, width - 2 * used)?], 1)
     }
 
-    /// Head outputs, differentiable: `[N, 17]`, or `[N, 14]` for what does not move.
-    ///
-    /// # Errors
-    /// When a shape does not fit.
-    pub fn heads(&self, features: &Tensor) -> Result<Tensor> {
-        let gaussian = self.gaussian_head.forward(features)?;
-        match &self.velocity_head {
-            Some(head) => Tensor::cat(&[gaussian, head.forward(features)?], 1),
-            None => Ok(gaussian),
-        }
+    /// The heads.
+    pub const fn heads(&self) -> &Heads {
+        &self.heads
     }
 
     /// The form that inference runs.
@@ -104,10 +77,7 @@ impl Pass {
     /// # Errors
     /// When a tensor cannot be read.
     pub fn fold(&self) -> Result<FoldedPass> {
-        let gaussian_head = self.gaussian_head.pack()?;
-        let velocity_head = self.velocity_head.as_ref().map(Linear::pack).transpose()?;
-        let width = gaussian_head.cout() + velocity_head.as_ref().map_or(0, PackedLinear::cout);
-        Ok(FoldedPass { unet: self.unet.fold()?, gaussian_head, velocity_head, width })
+        Ok(FoldedPass { unet: self.unet.fold()?, heads: self.heads.fold()? })
     }
 }
 
@@ -120,28 +90,9 @@ impl FoldedPass {
         self.unet.forward(&levels.mean_of_points(rows, cin), levels, buffers)
     }
 
-    /// Head outputs `[rows, outputs]` of features `[rows, width]`.
-    pub fn heads(&self, features: &[f32], rows: usize, buffers: &mut Buffers) -> Vec<f32> {
-        let map = KernelMap::identity(rows);
-        let mut gaussian = buffers.take(rows * self.gaussian_head.cout());
-        self.gaussian_head.forward(features, &map, None, &mut gaussian);
-        let Some(head) = &self.velocity_head else { return gaussian };
-        let mut velocity = buffers.take(rows * head.cout());
-        head.forward(features, &map, None, &mut velocity);
-        let mut joined = buffers.take(rows * self.width);
-        let parts = gaussian.chunks_exact(self.gaussian_head.cout()).zip(velocity.chunks_exact(head.cout()));
-        for (row, (g, v)) in joined.chunks_exact_mut(self.width).zip(parts) {
-            row[..g.len()].copy_from_slice(g);
-            row[g.len()..].copy_from_slice(v);
-        }
-        buffers.give(gaussian);
-        buffers.give(velocity);
-        joined
-    }
-
-    /// Number of head outputs.
-    pub fn num_outputs(&self) -> usize {
-        self.width
+    /// The heads.
+    pub const fn heads(&self) -> &FoldedHeads {
+        &self.heads
     }
 }
 
@@ -191,8 +142,10 @@ mod tests {
     use candle_core::{DType, Device, Tensor};
     use candle_nn::VarBuilder;
 
-    use super::{Levels, NUM_ATTRIBUTES, Outputs, Pass, UNetConfig, gather, with_own};
+    use super::{HeadSizes, Levels, Pass, UNetConfig, gather, with_own};
+    use crate::gaussians::NUM_ATTRIBUTES;
     use crate::network::buffers::Buffers;
+    use crate::network::heads::Outputs;
     use crate::network::weights::RandomWeights;
 
     /// Both forms of a refinement pass, points of one voxel with gradients of their own.
@@ -200,7 +153,8 @@ mod tests {
     fn folded_features_equal_the_trainable_ones() {
         let config = UNetConfig { stem: 8, encoder: vec![8], decoder: vec![30] };
         let vb = VarBuilder::from_backend(Box::new(RandomWeights { seed: 3 }), DType::F32, Device::Cpu);
-        let pass = Pass::new(5, &config, Outputs::Static, &vb).unwrap();
+        let heads = HeadSizes { features: 30, own: 0, hidden: None, outputs: Outputs::Static };
+        let pass = Pass::new(5, &config, &heads, &vb).unwrap();
         let voxels: Vec<[i32; 4]> = (0..60).map(|i| [0, i % 4, i / 7 % 3, i % 5 / 2]).collect();
         let levels = Levels::new(&voxels, config.num_levels()).unwrap();
         let value = |k: usize| ((k * 53 + 7) % 97) as f32 / 97.0 - 0.5;

@@ -9,9 +9,10 @@ use candle_nn::var_builder::SimpleBackend;
 use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::loss::op::LossOp;
+use lgs_engine::network::heads::{HeadSizes, Outputs};
 use lgs_engine::network::levels::{Levels, voxels_of};
 use lgs_engine::network::normalise::{INITIAL_INPUTS, initial_rows, with_residuals};
-use lgs_engine::network::pass::{Outputs, Pass};
+use lgs_engine::network::pass::Pass;
 use lgs_engine::network::query::Query;
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::network::weights::{RandomWeights, Recorder};
@@ -67,7 +68,9 @@ impl Path {
     fn new() -> Result<Self, Failed> {
         let config = UNetConfig { stem: 8, encoder: vec![8, 12], decoder: vec![12, 8] };
         let build = |vb: &VarBuilder<'_>| {
-            let pass = Pass::new(INITIAL_INPUTS, &config, Outputs::Moving, &vb.pp("pass"))?;
+            let heads =
+                HeadSizes { features: config.width(), own: INITIAL_INPUTS, hidden: Some(12), outputs: Outputs::Moving };
+            let pass = Pass::new(INITIAL_INPUTS, &config, &heads, &vb.pp("pass"))?;
             candle_core::Result::Ok((pass, Query::new(config.width(), &vb.pp("query"))?))
         };
         let specs = Recorder::list(build).map_err(failed)?;
@@ -102,11 +105,13 @@ impl Path {
 
     fn loss(&self) -> candle_core::Result<Tensor> {
         let all: Vec<usize> = (0..self.scene.len()).collect();
-        let means = self.levels.mean_of_points(&initial_rows(&self.scene, &all), INITIAL_INPUTS);
+        let own = initial_rows(&self.scene, &all);
+        let means = self.levels.mean_of_points(&own, INITIAL_INPUTS);
         let rows = Tensor::from_vec(means, (self.levels.sites.len(), INITIAL_INPUTS), &Device::Cpu)?;
         let features = self.pass.features(&rows, &self.levels, true)?;
         let fused = self.query.forward(&features, &self.neighbours, 8)?;
-        let outputs = self.pass.heads(&fused)?;
+        let own = Tensor::from_vec(own, (self.scene.len(), INITIAL_INPUTS), &Device::Cpu)?;
+        let outputs = self.pass.heads().forward(&fused, &own)?;
         let n = self.scene.len();
         let attributes = Tensor::from_vec(self.scene.attributes.concat(), (n, 14), &Device::Cpu)?;
         let velocities = Tensor::zeros((n, 3), DType::F32, &Device::Cpu)?;

@@ -1,7 +1,7 @@
 //! A network whose heads are still zero changes nothing.
 
 use lgs_engine::gaussians::{GaussianSet, MEAN, QUAT};
-use lgs_engine::network::config::{MODEL_FORMAT, ModelConfig, QueryConfig};
+use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig};
 use lgs_engine::network::model::FoldedModel;
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::predict::{QuerySkipped, backbone, predict, query};
@@ -24,6 +24,8 @@ fn model() -> Result<FoldedModel, String> {
         name: "test".to_owned(),
         voxel_size: 0.2,
         background_voxel_size: 1.0,
+        guidance: Guidance::default(),
+        head_width: None,
         unet: unet.clone(),
         background_unet: unet,
         query: Some(QueryConfig { neighbours: 8 }),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lgs_engine::network::config::{MODEL_FORMAT, ModelConfig, QueryConfig};
+use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig};
 use lgs_engine::network::policy::{Cycle, PolicyConfig, StageConfig};
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::ops::serialization::Curve;
@@ -32,6 +32,8 @@ pub(crate) fn config() -> ModelConfig {
         name: "test".to_owned(),
         voxel_size: 0.4,
         background_voxel_size: 1.0,
+        guidance: Guidance::default(),
+        head_width: None,
         unet: unet.clone(),
         background_unet: unet,
         query: Some(QueryConfig { neighbours: 4 }),
@@ -69,6 +71,7 @@ pub(crate) fn settings(steps: u64) -> Settings {
         target_share: 0.5,
         perturbed: 0.5,
         mirrored: 0.5,
+        velocity: 0.02,
         noise: 0.05,
         thresholds: None,
     }

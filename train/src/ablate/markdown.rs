@@ -170,7 +170,7 @@ impl<'a> Found<'a> {
                     continue;
                 }
                 // Over all primitives of all scenes: a scene with a few moving ones counts little.
-                let sum = |of: fn(&super::velocity::VelocityErrors) -> f64| errors.iter().map(of).sum::<f64>();
+                let sum = |of: fn(&crate::velocity::VelocityErrors) -> f64| errors.iter().map(of).sum::<f64>();
                 let (moving, resting) = (sum(|e| e.moving as f64), sum(|e| e.resting as f64));
                 let _ = writeln!(
                     text,

@@ -8,7 +8,6 @@ pub mod subject;
 pub mod rates;
 
 pub mod record;
-pub mod velocity;
 
 pub mod scene;
 

@@ -6,8 +6,9 @@ use lgs_engine::evaluate::ViewFigures;
 use lgs_formats::{error::FormatError, write::write_atomic};
 use serde::{Deserialize, Serialize};
 
-use super::{choice::RecordedChoice, settings::Settings, velocity::VelocityErrors};
+use super::{choice::RecordedChoice, settings::Settings};
 use crate::error::{Result, TrainError};
+use crate::velocity::VelocityErrors;
 
 /// The value of `format` in the file of a clip.
 pub const CLIP_FORMAT: &str = "lgs-ablation-clip/1";

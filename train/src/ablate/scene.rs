@@ -17,9 +17,8 @@ use super::{
     record::{Causes, ClipRecord, Means, Point, Variant},
     settings::{STEPS, Settings},
     subject::Subject,
-    velocity::TrueVelocities,
 };
-use crate::error::Result;
+use crate::{error::Result, velocity::TrueVelocities};
 
 /// Names of the ways to use the network.
 pub mod names {
@@ -234,8 +233,12 @@ impl Bench<'_> {
         &self,
         scenes: Option<[&GaussianSet; 2]>,
         told: &mut dyn FnMut(u64),
-    ) -> Result<Option<[super::velocity::VelocityErrors; 2]>> {
-        let Some(truth) = TrueVelocities::of(self.subject, &self.start) else { return Ok(None) };
+    ) -> Result<Option<[crate::velocity::VelocityErrors; 2]>> {
+        let (clip, frames) = (self.subject.clip(), self.subject.frames());
+        // The truth may know what is held out.
+        let known: Vec<usize> = (0..clip.frames.len()).collect();
+        let truth = TrueVelocities::of(clip, self.subject.frame(), &frames.input, &known, &self.start);
+        let Some(truth) = truth else { return Ok(None) };
         if let Some(scenes) = scenes {
             return Ok(Some(scenes.map(|scene| truth.errors(scene))));
         }

@@ -9,9 +9,12 @@ use lgs_engine::{
     densify::{self, Action},
     gaussians::{GaussianSet, RawGradient},
     loss::LossWeights,
-    network::normalise::{add_residuals, residual_gradients},
-    objective::{Objective, Terms, objective},
-    refine::silence,
+    network::{
+        config::Guidance,
+        normalise::{add_residuals, residual_gradients},
+    },
+    objective::{Objective, Terms, Wanted, objective, objective_with},
+    refine::{silence_guide, wanted},
     views::View,
 };
 use rayon::prelude::*;
@@ -23,7 +26,11 @@ use super::{
     settings::{RunSettings, Settings},
     variables::{Values, Variables},
 };
-use crate::{error::Result, scenes::dice::Dice};
+use crate::{
+    error::Result,
+    scenes::dice::Dice,
+    velocity::{TrueVelocities, VelocityErrors},
+};
 
 /// Largest shares of primitives that a perturbation prunes and copies.
 const PERTURBED: [f64; 2] = [0.1, 0.25];
@@ -46,6 +53,8 @@ pub struct Rendered {
     pub losses: Vec<Losses>,
     /// By all tensors.
     pub gradients: Values,
+    /// Errors of the velocities after the last step, as far as the truth is known.
+    pub velocity: VelocityErrors,
     /// Gaussians of the `LiDAR` branch and of the background.
     pub gaussians: [usize; 2],
 }
@@ -65,7 +74,16 @@ pub fn compute(
     let passes = Passes { model: &model, config: variables.config(), batch_statistics };
     let mut gradients = variables.zeros();
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
-    let look = |set: &GaussianSet| Looked::at(set, &inputs, &targets, settings.target_share);
+    let guidance = variables.config().guidance;
+    let look = |set: &GaussianSet, truth: Option<&TrueVelocities>| {
+        let mut looked = Looked::at(set, &inputs, &targets, settings.target_share, guidance);
+        if let Some(truth) = truth {
+            let gradient = truth.gradient(set, settings.velocity);
+            let velocities = looked.gradient.velocities.iter_mut().zip(&gradient);
+            velocities.for_each(|(sum, g)| sum.iter_mut().zip(g).for_each(|(s, g)| *s += g));
+        }
+        looked
+    };
 
     let start = &sample.scene;
     let outcomes = outcomes(|branch| passes.initial(start, branch))?;
@@ -75,22 +93,27 @@ pub fn compute(
         None => at_random(&updated, settings, &mut sample.dice),
     };
     let perturbed = Perturbed::by(&updated, actions, &mut sample.dice)?;
-    let mut looked = look(&perturbed.set);
+    let truth = sample.velocities.take().map(|truth| match &perturbed.sources {
+        Some(sources) => truth.of_sources(&sources[..perturbed.set.num_lidar]),
+        None => truth,
+    });
+    let mut looked = look(&perturbed.set, truth.as_ref());
     let mut losses = vec![looked.losses];
     carry_back(variables, start, &outcomes, &perturbed.pulled_back(&looked.gradient, start.len()), &mut gradients)?;
 
     let mut set = perturbed.set;
     for _ in 0..settings.refine_steps {
-        silence(&mut looked.inputs.gradient);
+        silence_guide(&mut looked.inputs, guidance);
         let before = &looked.inputs;
-        let outcomes = self::outcomes(|branch| passes.refine(&set, &before.gradient, &before.seen, branch))?;
+        let outcomes = self::outcomes(|branch| passes.refine(&set, before, branch))?;
         let next = self::updated(&set, &outcomes)?;
-        looked = look(&next);
+        looked = look(&next, truth.as_ref());
         losses.push(looked.losses);
         carry_back(variables, &set, &outcomes, &looked.gradient, &mut gradients)?;
         set = next;
     }
-    Ok(Rendered { losses, gradients, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
+    let velocity = truth.map(|truth| truth.errors(&set)).unwrap_or_default();
+    Ok(Rendered { losses, gradients, velocity, gaussians: [set.num_lidar, set.len() - set.num_lidar] })
 }
 
 /// The outcomes of both branches, which run side by side: one's serial parts do not hold up the other.
@@ -134,9 +157,9 @@ struct Looked {
 }
 
 impl Looked {
-    fn at(set: &GaussianSet, inputs: &[&View], targets: &[&View], target_share: f64) -> Self {
+    fn at(set: &GaussianSet, inputs: &[&View], targets: &[&View], target_share: f64, guidance: Guidance) -> Self {
         let weights = LossWeights::default();
-        let by_inputs = objective(set, inputs, &weights);
+        let by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(guidance) });
         if targets.is_empty() {
             let losses = Losses { inputs: by_inputs.loss, targets: by_inputs.loss, terms: by_inputs.terms };
             return Self { losses, gradient: by_inputs.gradient.clone(), inputs: by_inputs };

@@ -19,6 +19,9 @@ const CLIP_FILE: &str = "clip.json";
 /// Frames of a draw: inputs at its even places, targets at its odd ones.
 const WINDOWS: [usize; 5] = [2, 3, 3, 5, 5];
 
+/// Factors by which images shrink.
+const SCALES: [f64; 2] = [0.45, 1.0];
+
 /// A clip and the frames of it that training may read.
 #[derive(Debug)]
 pub struct TrainingClip {
@@ -54,7 +57,7 @@ impl TrainingClip {
 
     /// A window of frames and some cameras.
     ///
-    /// At most `max_views` input views; images keep their size times a factor of 0.6 to 1.
+    /// At most `max_views` input views; images keep their size times a factor of 0.45 to 1.
     ///
     /// # Errors
     /// [`EngineError::Leak`] when a frame that is held out was drawn.
@@ -77,7 +80,7 @@ impl TrainingClip {
             cameras: Some(cameras),
             frames: Some(window.to_vec()),
             hold_out,
-            image_size: self.image_size(window[0], dice.uniform(0.6, 1.0)),
+            image_size: self.image_size(window[0], dice.uniform(SCALES[0], SCALES[1])),
         };
         if let Some(&frame) = window.iter().find(|frame| !self.allowed.contains(frame)) {
             return Err(EngineError::Leak { frame }.into());
@@ -96,6 +99,11 @@ impl Draw<'_> {
     /// The clip's directory.
     pub fn dir(&self) -> &ClipDir {
         &self.clip.dir
+    }
+
+    /// The frames that training may read.
+    pub(crate) fn allowed(&self) -> &[usize] {
+        &self.clip.allowed
     }
 
     /// Frames and cameras: its inputs are what the network is given, what it holds out are targets, which only the loss reads.

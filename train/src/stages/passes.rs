@@ -2,15 +2,17 @@
 
 use candle_core::{Device, Tensor};
 use lgs_engine::{
-    gaussians::{GaussianSet, RawGradient},
+    gaussians::GaussianSet,
     network::{
         config::ModelConfig,
+        guide::{refine_inputs, refine_rows},
         levels::{Levels, voxels_of},
         model::{BACKGROUND_INITIAL_INPUTS, Model},
-        normalise::{BACKGROUND_REFINE_INPUTS, INITIAL_INPUTS, REFINE_INPUTS, initial_rows, refine_rows},
-        pass::Pass,
+        normalise::{INITIAL_INPUTS, initial_rows},
     },
+    objective::Objective,
     predict::{other_time_neighbours, positions},
+    refine::guide,
 };
 
 use crate::error::Result;
@@ -86,7 +88,8 @@ impl Passes<'_> {
             Branch::Background => (&self.model.background_initial, BACKGROUND_INITIAL_INPUTS),
         };
         let levels = self.levels(set, &chosen, branch)?;
-        let rows = voxel_rows(&levels, &initial_rows(set, &chosen), cin)?;
+        let own = initial_rows(set, &chosen);
+        let rows = voxel_rows(&levels, &own, cin)?;
         let mut features = pass.features(&rows, &levels, self.batch_statistics)?;
         if branch == Branch::Lidar
             && let (Some(query), Some(config)) = (&self.model.query, &self.config.query)
@@ -94,32 +97,32 @@ impl Passes<'_> {
         {
             features = query.forward(&features, &neighbours.indices.into(), config.neighbours)?;
         }
-        Ok(Some(Outcome { outputs: pass.heads(&features)?, features, chosen }))
+        let own = Tensor::from_vec(own, (chosen.len(), cin), &Device::Cpu)?;
+        Ok(Some(Outcome { outputs: pass.heads().forward(&features, &own)?, features, chosen }))
     }
 
     /// A refinement step of the Gaussians of a branch that are `seen`; `None` when there is none.
-    pub(crate) fn refine(
-        &self,
-        set: &GaussianSet,
-        gradient: &RawGradient,
-        seen: &[bool],
-        branch: Branch,
-    ) -> Result<Option<Outcome>> {
-        let chosen: Vec<usize> = branch.range(set).filter(|&i| seen[i]).collect();
+    pub(crate) fn refine(&self, set: &GaussianSet, before: &Objective, branch: Branch) -> Result<Option<Outcome>> {
+        let chosen: Vec<usize> = branch.range(set).filter(|&i| before.seen[i]).collect();
         if chosen.is_empty() {
             return Ok(None);
         }
-        let (pass, cin): (&Pass, usize) = match branch {
-            Branch::Lidar => (&self.model.refine, REFINE_INPUTS),
-            Branch::Background => (&self.model.background_refine, BACKGROUND_REFINE_INPUTS),
-        };
+        let moving = branch == Branch::Lidar;
+        let pass = if moving { &self.model.refine } else { &self.model.background_refine };
         let levels = self.levels(set, &chosen, branch)?;
-        let rows = refine_rows(set, gradient, &chosen, branch == Branch::Lidar);
-        let num_own = rows.own.len() / chosen.len();
-        let own = Tensor::from_vec(rows.own, (chosen.len(), num_own), &Device::Cpu)?;
-        let voxel_rows = voxel_rows(&levels, &rows.inputs, cin)?;
-        let features = pass.features_with_own(&voxel_rows, &own, &levels, self.batch_statistics)?;
-        Ok(Some(Outcome { outputs: pass.heads(&features)?, features, chosen }))
+        let rows = refine_rows(set, guide(before, self.config.guidance), &chosen, moving);
+        let voxel_rows = voxel_rows(&levels, &rows.inputs, refine_inputs(self.config.guidance, moving))?;
+        let by_point = |rows: Vec<f32>| {
+            let width = rows.len() / chosen.len();
+            Tensor::from_vec(rows, (chosen.len(), width), &Device::Cpu)
+        };
+        let features = if pass.heads().read_own() {
+            pass.features(&voxel_rows, &levels, self.batch_statistics)?
+        } else {
+            pass.features_with_own(&voxel_rows, &by_point(rows.own)?, &levels, self.batch_statistics)?
+        };
+        let outputs = pass.heads().forward(&features, &by_point(rows.inputs)?)?;
+        Ok(Some(Outcome { outputs, features, chosen }))
     }
 
     fn levels(&self, set: &GaussianSet, chosen: &[usize], branch: Branch) -> Result<Levels> {

@@ -18,6 +18,8 @@ use crate::error::{Result, TrainError};
 const POLICY: &str = "policy.";
 /// Terms of the loss, in the order of their columns.
 const TERMS: [&str; 4] = ["l1", "dissimilarity", "depth", "speed"];
+/// Errors of velocities: how many primitives move, their error over their speed, the speed of what stands still.
+const VELOCITIES: [&str; 3] = ["moving", "moving_error", "resting_speed"];
 const PICTURES: &[Picture] = &[
     Picture { prefixes: &["inputs"], title: "loss of the input views", file: "loss_inputs.png" },
     Picture { prefixes: &["targets"], title: "loss of the target views", file: "loss_targets.png" },
@@ -26,6 +28,7 @@ const PICTURES: &[Picture] = &[
         title: "terms of the loss of the target views after the last step",
         file: "loss_terms.png",
     },
+    Picture { prefixes: &["moving_error", "resting_speed"], title: "errors of velocities", file: "velocities.png" },
     Picture { prefixes: &["gradient"], title: "norm of the gradient", file: "gradient.png" },
 ];
 
@@ -61,7 +64,7 @@ impl Task for Rendering {
     }
 
     fn compute(&self, variables: &Variables, settings: &Settings, mut sample: Sample) -> Result<Computed> {
-        let Rendered { losses, gradients, gaussians } =
+        let Rendered { losses, gradients, velocity, gaussians } =
             compute(variables, settings, self.policy.as_ref(), &mut sample)?;
         let finite = losses.iter().all(|l| l.inputs.is_finite() && l.targets.is_finite());
         let mut values: Vec<f64> = gaussians.iter().map(|&n| n as f64).collect();
@@ -69,6 +72,7 @@ impl Task for Rendering {
         values.extend(losses.iter().map(|l| l.targets));
         let last = losses.last().map(|l| l.terms).unwrap_or_default();
         values.extend([last.l1, last.dissimilarity, last.depth, last.speed]);
+        values.extend([velocity.moving as f64, velocity.relative, velocity.resting_speed]);
         Ok(Computed { values, gradients, usable: finite && !sample.scene.is_empty() })
     }
 
@@ -76,7 +80,14 @@ impl Task for Rendering {
         let states = |kind: &str| numbered(&format!("{kind}after"), settings.refine_steps);
         let names = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
         Columns {
-            step: [names(&["lidar", "background"]), states("inputs_"), states("targets_"), names(&TERMS)].concat(),
+            step: [
+                names(&["lidar", "background"]),
+                states("inputs_"),
+                states("targets_"),
+                names(&TERMS),
+                names(&VELOCITIES),
+            ]
+            .concat(),
             validation: [names(&["start"]), states("")].concat(),
         }
     }

@@ -15,6 +15,7 @@ use super::{
 use crate::{
     error::Result,
     scenes::{dice::Dice, maths::rotation_z},
+    velocity::TrueVelocities,
 };
 
 /// Share of the steps that start from disturbed Gaussians.
@@ -33,6 +34,8 @@ pub struct Sample {
     pub inputs: Vec<View>,
     /// Views of other frames, which the loss alone reads.
     pub targets: Vec<View>,
+    /// True velocities of the initial Gaussians, where boxes tell them and other timestamps can show them.
+    pub(crate) velocities: Option<TrueVelocities>,
     /// Draws for what the step itself leaves to chance.
     pub(crate) dice: Dice,
 }
@@ -66,6 +69,9 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     let start = Inputs::new(draw.dir(), &frames, frame, inputs)?;
     let mut scene = reconstruct(&start, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
     let mut inputs = start.into_views();
+    let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
+        .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
+        .flatten();
     if dice.chance(DISTURBED) {
         disturb(&mut scene, &mut dice);
     }
@@ -74,9 +80,10 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         let num_inputs = inputs.len();
         inputs.append(&mut targets);
         mirror(&mut scene, &mut inputs);
+        velocities.iter_mut().for_each(TrueVelocities::mirror);
         targets = inputs.split_off(num_inputs);
     }
-    Ok(Sample { step, scene, inputs, targets, dice })
+    Ok(Sample { step, scene, inputs, targets, velocities, dice })
 }
 
 /// The clip frame of a draw, turned about its vertical axis and moved.

@@ -92,6 +92,9 @@ pub struct Settings {
     /// Largest standard deviation of the noise of input images, of a range of colours of 1.
     #[serde(default)]
     pub noise: f64,
+    /// Weight of the errors of velocities that tracked boxes tell.
+    #[serde(default)]
+    pub velocity: f64,
     /// Scores above which the policy prunes and adds; `None`: it has no say.
     #[serde(default)]
     pub thresholds: Option<[f32; 2]>,
@@ -135,6 +138,7 @@ impl RunSettings for Settings {
 
     fn validate(&self) -> Result<()> {
         self.optimisation().validate()?;
+        in_range("velocity", self.velocity, 1e6)?;
         let shares = [
             ("target_share", self.target_share),
             ("perturbed", self.perturbed),

@@ -33,9 +33,11 @@ use crate::{
 /// Stage 1: the text for standard output.
 pub(crate) fn backbone(args: &BackboneArgs) -> Result<String> {
     set_pools(&args.run)?;
-    let state = match &args.config {
-        Some(config) if !args.run.resume => State::new(&ModelConfig::read(config)?, args.settings())?,
-        _ => State::read(&args.run.out, StageName::Backbone)?,
+    let state = match (&args.config, &args.weights) {
+        _ if args.run.resume => State::read(&args.run.out, StageName::Backbone)?,
+        (_, Some(weights)) => State::of(StartWeights::read(weights)?.variables, args.settings())?,
+        (Some(config), None) => State::new(&ModelConfig::read(config)?, args.settings())?,
+        (None, None) => State::read(&args.run.out, StageName::Backbone)?,
     };
     run(state, rendering(&args.rendering, None)?, &args.run)
 }

@@ -101,6 +101,9 @@ pub(crate) struct RenderingArgs {
     /// Largest standard deviation of the noise of input images, of a range of colours of 1
     #[arg(long, value_name = "X", default_value_t = 0.02)]
     pub(crate) noise: f64,
+    /// Weight of the errors of velocities that a clip's tracked boxes tell, per metre a second
+    #[arg(long, value_name = "X", default_value_t = 0.02)]
+    pub(crate) velocity: f64,
 }
 
 impl RunArgs {
@@ -137,6 +140,7 @@ impl RenderingArgs {
             perturbed: 0.0,
             mirrored: self.mirrored,
             noise: self.noise,
+            velocity: self.velocity,
             thresholds: None,
         }
     }

@@ -1,14 +1,17 @@
 //! Errors of the velocities of primitives whose true motion is known from tracked boxes.
 
 use glam::DVec3;
-use lgs_engine::gaussians::{GaussianSet, MEAN};
+use lgs_engine::{
+    gaussians::{GaussianSet, MEAN},
+    views::ClipFrame,
+};
 use lgs_formats::{
     clip::{Clip, TrackedBox},
     pose::Pose,
 };
 use serde::{Deserialize, Serialize};
 
-use super::subject::Subject;
+use crate::scenes::maths::narrow;
 
 /// A track moves when it is faster than this, metres a second.
 const MOVING_SPEED: f64 = 1.0;
@@ -16,6 +19,11 @@ const MOVING_SPEED: f64 = 1.0;
 const ABOVE_GROUND: f64 = 0.15;
 /// Returns this near to a moving box count neither as moving nor as static, metres.
 const MARGIN: f64 = 0.3;
+
+/// So many primitives have together the weight of a whole kind.
+const FEW: f64 = 100.0;
+/// Errors below this are as good as none, metres a second.
+const ROUND: f64 = 0.1;
 
 /// Errors of velocities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -62,12 +70,13 @@ pub struct TrueVelocities {
 }
 
 impl TrueVelocities {
-    /// Those of the initial Gaussians `start`; `None` where no input frame has boxes.
-    pub fn of(subject: &Subject<'_>, start: &GaussianSet) -> Option<Self> {
-        let (clip, frame) = (subject.clip(), subject.frame());
-        let inputs = subject.frames().input.iter().filter(|&&input| clip.frames[input].boxes.is_some());
-        let known: Vec<(f32, Vec<MovingBox>)> =
-            inputs.map(|&input| (frame.time(clip.frames[input].lidar.timestamp), moving_boxes(clip, input))).collect();
+    /// Those of the initial Gaussians `start` of the frames `inputs`; `None` where none of these has boxes.
+    ///
+    /// Boxes of the frames `known` alone are read.
+    pub fn of(clip: &Clip, frame: &ClipFrame, inputs: &[usize], known: &[usize], start: &GaussianSet) -> Option<Self> {
+        let inputs = inputs.iter().filter(|input| clip.frames[**input].boxes.is_some() && known.contains(input));
+        let moving = |input: usize| (frame.time(clip.frames[input].lidar.timestamp), moving_boxes(clip, input, known));
+        let known: Vec<(f32, Vec<MovingBox>)> = inputs.map(|&input| moving(input)).collect();
         if known.is_empty() {
             return None;
         }
@@ -85,6 +94,43 @@ impl TrueVelocities {
             }
         };
         Some(Self { truths: (0..start.num_lidar).map(truth).collect() })
+    }
+
+    /// Those of a scene whose primitives come from these: `sources` `[N]`.
+    #[must_use]
+    pub fn of_sources(&self, sources: &[usize]) -> Self {
+        let truth = |&source: &usize| self.truths.get(source).copied().unwrap_or(Truth::Unknown);
+        Self { truths: sources.iter().map(truth).collect() }
+    }
+
+    /// As seen in an upright mirror along the x axis of the clip frame.
+    pub fn mirror(&mut self) {
+        for truth in &mut self.truths {
+            if let Truth::Moving(v) = truth {
+                v.y = -v.y;
+            }
+        }
+    }
+
+    /// Gradient by the velocities `[N, 3]` of `weight` times the loss of a scene with these primitives.
+    ///
+    /// # Formula
+    /// `sum_moving sqrt(|v - truth|^2 + 0.1^2) / max(count, 100) + mean_resting sqrt(|v|^2 + 0.1^2)`: what moves counts as much as what
+    /// stands still, however little it is, and the square root keeps one wrong box from deciding everything.
+    pub fn gradient(&self, scene: &GaussianSet, weight: f64) -> Vec<[f32; 3]> {
+        let count = |wanted: fn(&Truth) -> bool| self.truths.iter().filter(|t| wanted(t)).count() as f64;
+        let moving = weight / count(|t| matches!(t, Truth::Moving(_))).max(FEW);
+        let resting = weight / count(|t| *t == Truth::Resting).max(FEW);
+        let of = |(truth, velocity): (&Truth, &[f32; 3])| {
+            let velocity = DVec3::from(velocity.map(f64::from));
+            let (error, share) = match truth {
+                Truth::Moving(v) => (velocity - v, moving),
+                Truth::Resting => (velocity, resting),
+                Truth::Unknown => return [0.0; 3],
+            };
+            (error * (share / (error.length_squared() + ROUND * ROUND).sqrt())).to_array().map(narrow)
+        };
+        self.truths.iter().zip(&scene.velocities).map(of).collect()
     }
 
     /// The errors of a scene whose `LiDAR` branch has the primitives of the initial one, in their order.
@@ -132,9 +178,8 @@ impl MovingBox {
     }
 }
 
-/// The boxes of a frame whose track moves. Its motion is that between the neighbouring frames of the track, held-out ones included: the
-/// truth may know them.
-fn moving_boxes(clip: &Clip, frame: usize) -> Vec<MovingBox> {
+/// The boxes of a frame whose track moves. Its motion is that between its neighbours among the `known` frames of the track.
+fn moving_boxes(clip: &Clip, frame: usize, known: &[usize]) -> Vec<MovingBox> {
     let boxes = clip.frames[frame].boxes.iter().flatten();
     let of = |tracked: &TrackedBox| {
         let at = |index: usize| {
@@ -143,8 +188,9 @@ fn moving_boxes(clip: &Clip, frame: usize) -> Vec<MovingBox> {
             Some((record.lidar.timestamp, same.world_from_box))
         };
         let here = (clip.frames[frame].lidar.timestamp, tracked.world_from_box);
-        let before = (0..frame).rev().find_map(at).unwrap_or(here);
-        let after = (frame + 1..clip.frames.len()).find_map(at).unwrap_or(here);
+        let known = || known.iter().copied();
+        let before = known().rev().filter(|&other| other < frame).find_map(at).unwrap_or(here);
+        let after = known().filter(|&other| other > frame).find_map(at).unwrap_or(here);
         let seconds = after.0 - before.0;
         let moved = after.1.translation() - before.1.translation();
         (seconds > 0.0 && moved.length() > MOVING_SPEED * seconds).then(|| MovingBox {
