@@ -52,7 +52,7 @@ fn holder_views() -> impl Iterator<Item = View> {
 /// Deltas of both signals of the centre alone: fast path, after it was compared with the twin.
 fn centre_deltas(made: &Made) -> Result<[ActionDeltas; 2], String> {
     // Without similarity: its windows would mix a pixel's own error with its neighbourhood's contrast.
-    let weights = LossWeights { l1: 1.0, ssim: 0.0, depth: 0.0, velocity: 0.0 };
+    let weights = LossWeights { l1: 1.0, ssim: 0.0, depth: 0.0, velocity: 0.0, psnr: 0.0 };
     let problem: Problem<'_> = made.problem(weights);
     let config = config(Signal::Response);
     let mut round = Round::new(&made.set, &lgs_formats::targets::TargetsConfig { rho: 1.0, ..config.clone() }, 5, 0);

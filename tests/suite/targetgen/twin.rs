@@ -84,8 +84,8 @@ fn equals_twin(config: &TargetsConfig) -> Outcome {
 fn unchanged_by_loss_scale(config: &TargetsConfig) -> Outcome {
     let made = random(150, 7);
     let scaled = |by: f32| {
-        let LossWeights { l1, ssim, depth, velocity } = LossWeights::default();
-        LossWeights { l1: l1 * by, ssim: ssim * by, depth: depth * by, velocity: velocity * by }
+        let LossWeights { l1, ssim, depth, velocity, psnr } = LossWeights::default();
+        LossWeights { l1: l1 * by, ssim: ssim * by, depth: depth * by, velocity: velocity * by, psnr: psnr * by }
     };
     let (_, want) = fast(&made, scaled(1.0), config, 3)?;
     for by in [1e-6, 1e6] {

@@ -28,7 +28,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    scenes::dice::Dice,
+    scenes::{dice::Dice, maths::narrow},
     velocity::{TrueVelocities, VelocityErrors},
 };
 
@@ -76,7 +76,7 @@ pub fn compute(
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
     let guidance = variables.config().guidance;
     let look = |set: &GaussianSet, truth: Option<&TrueVelocities>| {
-        let mut looked = Looked::at(set, &inputs, &targets, settings.target_share, guidance);
+        let mut looked = Looked::at(set, [&inputs, &targets], settings, guidance);
         if let Some(truth) = truth {
             let gradient = truth.gradient(set, settings.velocity);
             let velocities = looked.gradient.velocities.iter_mut().zip(&gradient);
@@ -157,17 +157,21 @@ struct Looked {
 }
 
 impl Looked {
-    fn at(set: &GaussianSet, inputs: &[&View], targets: &[&View], target_share: f64, guidance: Guidance) -> Self {
-        let weights = LossWeights::default();
-        let by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(guidance) });
+    fn at(set: &GaussianSet, [inputs, targets]: [&[&View]; 2], settings: &Settings, guidance: Guidance) -> Self {
+        let weights = LossWeights { psnr: narrow(settings.psnr), ..LossWeights::default() };
+        let mut by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(guidance) });
+        let trained = by_inputs.gradient.clone();
+        if guidance == Guidance::Gradient && settings.psnr > 0.0 {
+            // What guides the network is the gradient of the loss as inference knows it.
+            by_inputs.gradient = objective(set, inputs, &LossWeights::default()).gradient;
+        }
         if targets.is_empty() {
             let losses = Losses { inputs: by_inputs.loss, targets: by_inputs.loss, terms: by_inputs.terms };
-            return Self { losses, gradient: by_inputs.gradient.clone(), inputs: by_inputs };
+            return Self { losses, gradient: trained, inputs: by_inputs };
         }
         let by_targets = objective(set, targets, &weights);
         let losses = Losses { inputs: by_inputs.loss, targets: by_targets.loss, terms: by_targets.terms };
-        let share = crate::scenes::maths::narrow(target_share);
-        let gradient = mixed(&by_inputs.gradient, &by_targets.gradient, share);
+        let gradient = mixed(&trained, &by_targets.gradient, narrow(settings.target_share));
         Self { losses, inputs: by_inputs, gradient }
     }
 }

@@ -17,10 +17,10 @@ use crate::{
 /// Name of the file that makes a directory a clip.
 const CLIP_FILE: &str = "clip.json";
 /// Frames of a draw: inputs at its even places, targets at its odd ones.
-const WINDOWS: [usize; 5] = [2, 3, 3, 5, 5];
+const WINDOWS: [usize; 5] = [2, 3, 5, 5, 7];
 
 /// Factors by which images shrink.
-const SCALES: [f64; 2] = [0.45, 1.0];
+const SCALES: [f64; 2] = [0.45, 0.8];
 
 /// A clip and the frames of it that training may read.
 #[derive(Debug)]

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Share of the steps that start from disturbed Gaussians.
-const DISTURBED: f64 = 0.3;
+const DISTURBED: f64 = 0.1;
 /// Largest distance by which the clip frame is moved, metres: voxels fall elsewhere.
 const MOVED: f64 = 5.0;
 

@@ -95,6 +95,9 @@ pub struct Settings {
     /// Weight of the errors of velocities that tracked boxes tell.
     #[serde(default)]
     pub velocity: f64,
+    /// Weight of the peak signal-to-noise ratio, per decibel.
+    #[serde(default)]
+    pub psnr: f64,
     /// Scores above which the policy prunes and adds; `None`: it has no say.
     #[serde(default)]
     pub thresholds: Option<[f32; 2]>,
@@ -139,6 +142,7 @@ impl RunSettings for Settings {
     fn validate(&self) -> Result<()> {
         self.optimisation().validate()?;
         in_range("velocity", self.velocity, 1e6)?;
+        in_range("psnr", self.psnr, 1e6)?;
         let shares = [
             ("target_share", self.target_share),
             ("perturbed", self.perturbed),

@@ -104,6 +104,9 @@ pub(crate) struct RenderingArgs {
     /// Weight of the errors of velocities that a clip's tracked boxes tell, per metre a second
     #[arg(long, value_name = "X", default_value_t = 0.02)]
     pub(crate) velocity: f64,
+    /// Weight of the peak signal-to-noise ratio beside the loss, per decibel
+    #[arg(long, value_name = "X", default_value_t = 0.01)]
+    pub(crate) psnr: f64,
 }
 
 impl RunArgs {
@@ -141,6 +144,7 @@ impl RenderingArgs {
             mirrored: self.mirrored,
             noise: self.noise,
             velocity: self.velocity,
+            psnr: self.psnr,
             thresholds: None,
         }
     }
