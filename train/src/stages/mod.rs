@@ -3,6 +3,7 @@
 pub mod clips;
 
 pub mod augment;
+mod nearby;
 pub mod sample;
 
 pub mod settings;

@@ -10,6 +10,7 @@ use lgs_formats::pose::Pose;
 use super::{
     augment::{Light, Window, add_noise, disturb, mirror},
     clips::{Draw, TrainingClip},
+    nearby::keep_nearby,
     settings::Settings,
 };
 use crate::{
@@ -72,6 +73,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
         .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
         .flatten();
+    keep_nearby(&mut scene, &mut velocities, &inputs.iter().chain(&targets).collect::<Vec<_>>());
     if dice.chance(DISTURBED) {
         disturb(&mut scene, &mut dice);
     }
