@@ -1,21 +1,30 @@
 //! A scene as a splat cloud, the form in which files hold it.
 
-use lgs_formats::cloud::{SH_DC, SplatCloud};
-
-use crate::{
-    error::{EngineError, Result},
-    gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
+use lgs_formats::{
+    cloud::{SH_DC, SplatCloud},
+    viewer::Stop,
 };
 
+use crate::{
+    densify::DensityMap,
+    error::{EngineError, Result},
+    gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
+    views::View,
+};
+
+/// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
+pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
+
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
-/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties.
+/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties. With
+/// a policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
 ///
 /// # Errors
 /// [`EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
-pub fn to_cloud(set: &GaussianSet) -> Result<SplatCloud> {
+pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<SplatCloud> {
     check_finite(set)?;
     let physical = to_physical(set);
     let rows = &set.attributes;
@@ -27,8 +36,40 @@ pub fn to_cloud(set: &GaussianSet) -> Result<SplatCloud> {
         sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (c - 0.5) / SH_DC)).collect(),
         velocities: set.velocities.clone(),
         times: set.times.clone(),
-        extra: Vec::new(),
+        extra: density.map(|map| score_columns(map, set.len())).unwrap_or_default(),
     })
+}
+
+/// The camera of a view as a place to stand at in the viewer.
+pub fn stop(view: &View) -> Stop {
+    let pinhole = &view.pinhole;
+    let rows = pinhole.camera_from_clip.map(|row| row.map(f64::from));
+    // the inverse of a rigid transform: transposed rotation, and the camera's centre
+    let centre = |k: usize| -(0..3).map(|r| rows[r][k] * rows[r][3]).sum::<f64>();
+    let scene_from_camera = std::array::from_fn(|i| match (i / 4, i % 4) {
+        (3, 3) => 1.0,
+        (3, _) => 0.0,
+        (k, 3) => centre(k),
+        (k, r) => rows[r][k],
+    });
+    Stop {
+        name: format!("frame {} {}", view.frame, view.camera),
+        time: f64::from(pinhole.time),
+        width: pinhole.width,
+        height: pinhole.height,
+        fx: f64::from(pinhole.fx),
+        fy: f64::from(pinhole.fy),
+        cx: f64::from(pinhole.cx),
+        cy: f64::from(pinhole.cy),
+        scene_from_camera,
+    }
+}
+
+/// Scores by column, of the `LiDAR` branch and zeros behind it.
+fn score_columns(map: &DensityMap, len: usize) -> Vec<(String, Vec<f32>)> {
+    let column = |scores: &[f32]| scores.iter().copied().chain(std::iter::repeat(0.0)).take(len).collect();
+    let columns = [column(&map.updated.prune), column(&map.updated.add)];
+    SCORE_COLUMNS.map(str::to_owned).into_iter().zip(columns).collect()
 }
 
 fn check_finite(set: &GaussianSet) -> Result<()> {
@@ -68,8 +109,11 @@ fn to_f32(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use lgs_formats::image::RgbImage;
+
     use super::*;
     use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, QUAT};
+    use crate::views::{PinholeView, Role};
 
     /// One Gaussian of the `LiDAR` branch and one of the background, the same but for the branch.
     fn pair() -> GaussianSet {
@@ -89,7 +133,7 @@ mod tests {
 
     #[test]
     fn the_cloud_is_the_scene_as_it_is_drawn() {
-        let cloud = to_cloud(&pair()).unwrap();
+        let cloud = to_cloud(&pair(), None).unwrap();
         let near = |got: f32, want: f32| assert!((got - want).abs() < 1e-5, "got {got}, want {want}");
         assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
         assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
@@ -104,14 +148,28 @@ mod tests {
     }
 
     #[test]
+    fn a_stop_stands_where_its_camera_stood() {
+        let camera_from_clip = [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 1.5], [1.0, 0.0, 0.0, -7.0]];
+        let pinhole =
+            PinholeView { width: 4, height: 2, fx: 3.0, fy: 3.0, cx: 2.0, cy: 1.0, camera_from_clip, time: 0.5 };
+        let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
+        let (camera, role) = ("front".to_owned(), Role::Input);
+        let view = View { frame: 3, camera, role, pinhole, image, labels: None, depth_samples: Vec::new() };
+        let stop = stop(&view);
+        assert_eq!((stop.name.as_str(), stop.time), ("frame 3 front", 0.5));
+        let want = [0.0, 0.0, 1.0, 7.0, -1.0, 0.0, 0.0, 2.0, 0.0, -1.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];
+        assert_eq!(stop.scene_from_camera, want);
+    }
+
+    #[test]
     fn a_value_that_is_not_finite_is_named() {
         let mut set = pair();
         set.attributes[1][LOG_SCALE.start + 2] = f32::NAN;
-        let error = to_cloud(&set).unwrap_err().to_string();
+        let error = to_cloud(&set, None).unwrap_err().to_string();
         assert_eq!(error, "Gaussian 1, log scale: expected a finite value, found NaN");
         set = pair();
         set.velocities[0][1] = f32::INFINITY;
-        assert!(to_cloud(&set).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
+        assert!(to_cloud(&set, None).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
     }
 
     #[test]

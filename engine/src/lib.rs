@@ -6,15 +6,27 @@ pub mod allocator;
 pub mod error;
 pub mod threads;
 
+pub mod ops;
+
 pub mod views;
 
 pub mod points;
 
 pub mod gaussians;
 
+pub mod network;
+
+pub mod predict;
+
+pub mod densify;
+
 pub mod render;
 
 pub mod loss;
+
+pub mod objective;
+
+pub mod refine;
 
 pub mod evaluate;
 

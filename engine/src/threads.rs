@@ -13,19 +13,28 @@ const POOL_VARIABLES: [&str; 2] = ["RAYON_NUM_THREADS", "CANDLE_NUM_THREADS"];
 /// # Errors
 /// When other threads run already, or a pool exists already.
 pub fn set_num_threads(count: Option<NonZeroUsize>) -> Result<usize> {
-    let count = match count {
+    set_pools(count, count)
+}
+
+/// As [`set_num_threads`] where the tensor library is to have a pool of another size: its threads wait by spinning, which slows down
+/// whoever works beside them.
+///
+/// # Errors
+/// As [`set_num_threads`].
+pub fn set_pools(own: Option<NonZeroUsize>, tensors: Option<NonZeroUsize>) -> Result<usize> {
+    let or_all = |count: Option<NonZeroUsize>| match count {
         Some(count) => count.get(),
         None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
     };
     if num_running().is_some_and(|running| running > 1) {
         return Err(too_late("other threads running"));
     }
-    for name in POOL_VARIABLES {
-        set_variable(name, &count.to_string());
+    for (name, count) in POOL_VARIABLES.into_iter().zip([own, tensors]) {
+        set_variable(name, &or_all(count).to_string());
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build_global();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(or_all(own)).build_global();
     pool.map_err(|error| too_late(&error.to_string()))?;
-    Ok(count)
+    Ok(or_all(own))
 }
 
 fn too_late(found: &str) -> EngineError {

@@ -1,9 +1,13 @@
 //! Clip directories: `clip.json` and the files beside it.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fmt::Debug,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use crate::{
-    clip::{CameraRecord, Clip},
+    clip::{CameraRecord, Clip, LidarRecord},
     clip_json,
     error::{FormatError, Result},
     image::{self, ImageSize, LoadedImage},
@@ -17,11 +21,25 @@ pub const CLIP_FILE: &str = "clip.json";
 /// Largest `clip.json`, bytes.
 pub const MAX_CLIP_BYTES: u64 = 64 << 20;
 
-/// A clip directory whose description was checked and whose files were there, of the right size, when it was opened.
+/// The way from a foreign sweep file to a sweep.
+pub(crate) trait SweepDecoder: Debug + Send + Sync {
+    /// The returns of the file `path` in the frame of `record.world_from_lidar`.
+    ///
+    /// # Errors
+    /// A file that is not what the layout asks for.
+    fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep>;
+}
+
+/// A clip directory, or a folder of a foreign layout that is read as one (see [`crate::importers`]), whose description
+/// was checked and whose files were there, images and native sweeps of the right size, when it was opened.
 #[derive(Clone, Debug)]
 pub struct ClipDir {
     root: PathBuf,
+    /// What errors of the description name: `clip.json`, or the folder of a foreign layout.
+    described_in: PathBuf,
     clip: Clip,
+    /// `None`: the sweeps are native.
+    decoder: Option<Arc<dyn SweepDecoder>>,
 }
 
 impl ClipDir {
@@ -33,19 +51,33 @@ impl ClipDir {
     pub fn open(root: &Path) -> Result<Self> {
         let file = root.join(CLIP_FILE);
         let clip = clip_json::parse(&file, &read_file(&file, MAX_CLIP_BYTES)?)?;
-        let dir = Self { root: root.to_owned(), clip };
-        for (f, frame) in dir.clip.frames.iter().enumerate() {
-            let at = format!("frames[{f}]");
-            let path = dir.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
-            sweep::count_returns(&path)?;
-            for (c, record) in frame.cameras.iter().enumerate() {
-                dir.check_camera(&format!("{at}.cameras[{c}]"), record)?;
-            }
-        }
-        Ok(dir)
+        Self { root: root.to_owned(), described_in: file, clip, decoder: None }.checked()
     }
 
-    /// What `clip.json` says.
+    /// The clip that an importer found in the folder `root`.
+    ///
+    /// # Errors
+    /// A clip that `clip.json` could not say, a file that is missing, an image of another size than declared.
+    pub(crate) fn foreign(root: &Path, clip: &Clip, decoder: Arc<dyn SweepDecoder>) -> Result<Self> {
+        let clip = clip_json::checked(root, clip)?;
+        Self { root: root.to_owned(), described_in: root.to_owned(), clip, decoder: Some(decoder) }.checked()
+    }
+
+    fn checked(self) -> Result<Self> {
+        for (f, frame) in self.clip.frames.iter().enumerate() {
+            let at = format!("frames[{f}]");
+            let path = self.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
+            if self.decoder.is_none() {
+                sweep::count_returns(&path)?;
+            }
+            for (c, record) in frame.cameras.iter().enumerate() {
+                self.check_camera(&format!("{at}.cameras[{c}]"), record)?;
+            }
+        }
+        Ok(self)
+    }
+
+    /// What `clip.json`, or the foreign layout, says.
     pub fn clip(&self) -> &Clip {
         &self.clip
     }
@@ -58,11 +90,12 @@ impl ClipDir {
     /// The sweep of a frame.
     ///
     /// # Errors
-    /// A frame that the clip does not have; those of [`sweep::read_sweep`].
+    /// A frame that the clip does not have; those of [`sweep::read_sweep`]; a foreign sweep that is not what its layout asks for.
     pub fn load_sweep(&self, frame: usize) -> Result<Sweep> {
         let frames = &self.clip.frames;
         let record = frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?;
-        sweep::read_sweep(&self.root.join(&record.lidar.file))
+        let path = self.root.join(&record.lidar.file);
+        self.decoder.as_ref().map_or_else(|| sweep::read_sweep(&path), |decoder| decoder.decode(&path, &record.lidar))
     }
 
     /// The image of a camera (by its place in the frame's list): decoded, rectified, and resized to `size` if given.
@@ -78,7 +111,7 @@ impl ClipDir {
     }
 
     fn no_such(&self, field: &str, index: usize, count: usize) -> FormatError {
-        FormatError::invalid(&self.root.join(CLIP_FILE), field, format!("an entry {index}"), format!("{count} entries"))
+        FormatError::invalid(&self.described_in, field, format!("an entry {index}"), format!("{count} entries"))
     }
 
     /// The path of a file that `clip.json` names, if there is one.
@@ -88,7 +121,7 @@ impl ClipDir {
             Ok(_) => Ok(path),
             Err(error) => {
                 let found = format!("`{}`: {error}", file.display());
-                Err(FormatError::invalid(&self.root.join(CLIP_FILE), field, "a file that exists", found))
+                Err(FormatError::invalid(&self.described_in, field, "a file that exists", found))
             }
         }
     }

@@ -30,6 +30,21 @@ impl SplatCloud {
         self.means.len()
     }
 
+    /// The scene at one moment: every splat where its velocity has brought it, standing.
+    #[must_use]
+    pub fn at(&self, moment: f32) -> Self {
+        let motion = self.velocities.iter().zip(&self.times);
+        let moved = |(mean, (velocity, time)): (&[f32; 3], (&[f32; 3], &f32))| {
+            std::array::from_fn(|k| mean[k] + velocity[k] * (moment - time))
+        };
+        Self {
+            means: self.means.iter().zip(motion).map(moved).collect(),
+            velocities: vec![[0.0; 3]; self.len()],
+            times: vec![moment; self.len()],
+            ..self.clone()
+        }
+    }
+
     /// Whether there is no splat.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()

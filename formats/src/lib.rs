@@ -1,15 +1,21 @@
-//! Bytes to validated host structs and back: clips, sweeps, images, splat clouds. No tensors, no threads.
+//! Bytes to validated host structs and back: clips, sweeps, images, splat clouds, targets. No tensors, no threads.
 
 pub mod error;
+pub mod frame_list;
 pub mod pose;
+pub mod program;
 
 pub mod camera;
 pub mod clip;
 pub mod clip_dir;
 mod clip_json;
 pub mod cloud;
+pub mod exports;
 pub mod image;
+pub mod importers;
 pub mod ply;
 mod read;
 pub mod sweep;
+pub mod targets;
+pub mod viewer;
 pub mod write;

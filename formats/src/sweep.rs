@@ -53,6 +53,25 @@ pub fn read_sweep(path: &Path) -> Result<Sweep> {
     Ok(sweep)
 }
 
+impl Sweep {
+    /// The sweep of `[x, y, z, intensity]` rows that were read from `path`.
+    ///
+    /// # Errors
+    /// No rows; a return that is not finite or farther away than [`MAX_COORDINATE`], by its index.
+    pub(crate) fn of_rows(path: &Path, rows: impl Iterator<Item = [f32; 4]>) -> Result<Self> {
+        let mut sweep = Self::default();
+        for (index, [x, y, z, intensity]) in rows.enumerate() {
+            check_return(path, index, [x, y, z], intensity)?;
+            sweep.points.push([x, y, z]);
+            sweep.intensities.push(intensity);
+        }
+        if sweep.points.is_empty() {
+            return Err(FormatError::invalid(path, "points", "at least one return", "none"));
+        }
+        Ok(sweep)
+    }
+}
+
 /// Nothing: writes the sweep that [`read_sweep`] gives back, bit for bit.
 ///
 /// # Errors

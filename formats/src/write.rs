@@ -11,6 +11,14 @@ use crate::error::{FormatError, Result};
 /// # Errors
 /// [`FormatError::Io`] when the directory cannot be written to.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic_with(path, |file| file.write_all(bytes).map_err(|e| FormatError::io(path, "write", e)))
+}
+
+/// As [`write_atomic`], for content that `fill` writes piece by piece.
+///
+/// # Errors
+/// Those of [`write_atomic`], and whatever `fill` says.
+pub fn write_atomic_with<T>(path: &Path, fill: impl FnOnce(&mut std::fs::File) -> Result<T>) -> Result<T> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -22,10 +30,10 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     #[cfg(unix)]
     builder.permissions(permissions); // the umask takes its share, as for any new file
     let mut file = builder.tempfile_in(directory).map_err(|e| FormatError::io(path, "create", e))?;
-    file.write_all(bytes).map_err(|e| FormatError::io(path, "write", e))?;
+    let value = fill(file.as_file_mut())?;
     file.as_file().sync_all().map_err(|e| FormatError::io(path, "sync", e))?;
     file.persist(path).map_err(|e| FormatError::io(path, "rename to", e.error))?;
-    Ok(())
+    Ok(value)
 }
 
 #[cfg(test)]

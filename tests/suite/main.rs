@@ -2,9 +2,14 @@
 
 mod cli;
 mod golden;
+mod importers;
+mod network;
 mod readme;
 mod render;
 mod structure;
+mod targetgen;
+mod train;
+mod viewer;
 
 use std::process::ExitCode;
 
@@ -15,8 +20,13 @@ fn main() -> ExitCode {
     let mut cases: Vec<Trial> = Vec::new();
     cases.extend(golden::cases());
     cases.extend(render::cases());
+    cases.extend(network::cases());
+    cases.extend(train::cases());
     cases.extend(structure::cases());
+    cases.extend(importers::cases());
     cases.extend(cli::cases());
+    cases.extend(targetgen::cases());
+    cases.extend(viewer::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()
 }

@@ -18,7 +18,7 @@ pub(crate) fn cases() -> Vec<Trial> {
 fn commands_run() -> Outcome {
     let page = fs::read_to_string(places::repository().join("README.md"))?;
     let place = tempfile::tempdir()?;
-    for data in ["clips", "models"] {
+    for data in ["clips", "models", "tests/fixtures"] {
         let from = places::repository().join(data);
         if from.is_dir() {
             clips::copy(&from, &place.path().join(data))?;

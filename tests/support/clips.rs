@@ -51,6 +51,21 @@ pub fn edit(clip: &Path, change: impl FnOnce(&mut Value)) -> Result<(), String> 
     fs::write(&path, value.to_string()).map_err(|e| format!("{}: {e}", path.display()))
 }
 
+/// Copies the shipped clip with its first `frames` frames and, of each, its first camera alone.
+///
+/// # Errors
+/// Reading or writing fails.
+pub fn short(to: &Path, frames: usize) -> Result<(), String> {
+    copy(&street(), to).map_err(|e| format!("{}: {e}", to.display()))?;
+    edit(to, |description| {
+        let all = description["frames"].as_array_mut().into_iter();
+        all.for_each(|all| {
+            all.truncate(frames);
+            all.iter_mut().filter_map(|frame| frame["cameras"].as_array_mut()).for_each(|cameras| cameras.truncate(1));
+        });
+    })
+}
+
 /// The file that a clip's description names at a JSON pointer.
 ///
 /// # Errors

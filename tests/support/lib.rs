@@ -1,8 +1,10 @@
 //! What the suite and the benches share: places, goldens, comparisons, scenes, processes.
 
+pub mod browser;
 pub mod clips;
 pub mod compare;
 pub mod golden;
+pub mod layouts;
 pub mod metrics;
 pub mod pictures;
 pub mod places;
@@ -10,8 +12,10 @@ pub mod process;
 pub mod random;
 pub mod readme;
 pub mod scenes;
+pub mod slopes;
 pub mod sources;
 pub mod views;
+pub mod weights;
 
 /// Result of one case; the error is what the report prints.
 pub type Outcome = Result<(), libtest_mimic::Failed>;

@@ -25,6 +25,10 @@ const TOP: [&str; 12] = [
     "views",
     "mean",
 ];
+/// What a network adds.
+const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
+const REFINE: [&str; 6] = ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients"];
+const REFINE_STAGES: [&str; 3] = ["refine_render", "refine_loss", "refine_network"];
 const GAUSSIANS: [&str; 5] = ["initial", "pruned", "added", "final", "background"];
 const STAGES: [&str; 9] =
     ["load", "points", "backbone", "query", "policy", "set_update", "refine", "render", "evaluate"];
@@ -73,6 +77,21 @@ pub fn expect_promised_keys(page: &Value) -> Outcome {
         expect_keys(&format!("views[{i}]"), view, &view_keys)?;
     }
     if views.is_empty() { Err("views is empty".into()) } else { Ok(()) }
+}
+
+/// Fails unless the page of a run with a network has exactly the keys that it adds.
+pub fn expect_network_keys(page: &Value) -> Outcome {
+    expect_keys("metrics.json", page, &[TOP.as_slice(), &["network"]].concat())?;
+    expect_keys("network", &page["network"], &NETWORK)?;
+    expect_keys("network.refine", &page["network"]["refine"], &REFINE)?;
+    expect_keys("stages_s", &page["stages_s"], &[STAGES.as_slice(), &REFINE_STAGES].concat())
+}
+
+/// Fails unless the page of a run with a per-scene optimisation, and no network, has exactly the keys that it adds.
+pub fn expect_optimised_keys(page: &Value) -> Outcome {
+    expect_keys("metrics.json", page, &[TOP.as_slice(), &["optimisation"]].concat())?;
+    expect_keys("optimisation", &page["optimisation"], &["losses", "non_finite_gradients"])?;
+    expect_keys("stages_s", &page["stages_s"], &[STAGES.as_slice(), &REFINE_STAGES].concat())
 }
 
 fn expect_keys(what: &str, object: &Value, want: &[&str]) -> Outcome {

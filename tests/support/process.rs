@@ -31,7 +31,8 @@ pub fn binary(name: &str) -> Result<PathBuf, String> {
 }
 
 /// Builds every binary beside this one (`TARGET/PROFILE/deps/suite`). `cargo test` itself builds the binaries of packages
-/// that have integration tests only.
+/// that have integration tests only. The suite is named beside them so that their dependencies have the features that they
+/// have in `cargo test`, and none is compiled twice.
 fn build_binaries() -> Result<PathBuf, String> {
     if let Some(given) = env::var_os("LGS_BIN_DIR") {
         return Ok(PathBuf::from(given));
@@ -45,7 +46,8 @@ fn build_binaries() -> Result<PathBuf, String> {
     };
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
-    command.current_dir(places::repository()).args(["build", "--workspace", "--bins", "--profile", profile]);
+    let what = ["build", "--workspace", "--bins", "--test", "suite", "--profile", profile];
+    command.current_dir(places::repository()).args(what);
     command.arg("--target-dir").arg(target);
     let output = command.output().map_err(|e| format!("cargo build: {e}"))?;
     if !output.status.success() {
@@ -97,5 +99,16 @@ impl Finished {
             self.stderr
         );
         Err(text.into())
+    }
+
+    /// Fails unless the process ended with code 2 and its last line on stderr, after those on its progress, is the program's own and
+    /// holds every one of `names`.
+    pub fn expect_one_line_at_the_end(&self, names: &[&str]) -> Outcome {
+        let last = self.stderr.lines().last().unwrap_or_default();
+        let missing: Vec<_> = names.iter().filter(|name| !last.contains(**name)).collect();
+        if self.code == Some(2) && last.starts_with("lgs-") && missing.is_empty() {
+            return Ok(());
+        }
+        Err(format!("exit {:?}, want 2; not named: {missing:?}; it said:\n{}", self.code, self.stderr).into())
     }
 }

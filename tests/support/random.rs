@@ -37,6 +37,18 @@ impl Random {
         radius * (std::f64::consts::TAU * self.uniform(0.0, 1.0)).cos()
     }
 
+    /// [`Random::uniform`] as the f32 that it is.
+    #[expect(clippy::cast_possible_truncation, reason = "the value is one of f32")]
+    pub fn uniform_single(&mut self, low: f64, high: f64) -> f32 {
+        self.uniform(low, high) as f32
+    }
+
+    /// [`Random::normal`], rounded.
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the point")]
+    pub fn normal_single(&mut self) -> f32 {
+        self.normal() as f32
+    }
+
     /// A random order of `0..len`.
     pub fn order(&mut self, len: usize) -> Vec<usize> {
         let mut keyed: Vec<(u64, usize)> = (0..len).map(|i| (self.bits(), i)).collect();

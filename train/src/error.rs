@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use lgs_engine::error::EngineError;
 use lgs_formats::error::FormatError;
+use lgs_targetgen::error::TargetError;
 
 /// What went wrong.
 #[derive(Debug, thiserror::Error)]
@@ -10,6 +12,27 @@ pub enum TrainError {
     /// A file could not be read or written, or says something wrong.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// The engine found something wrong.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// A tensor operation failed.
+    #[error("tensor operation failed: {0}")]
+    Tensor(#[from] candle_core::Error),
+    /// A checkpoint is at fault.
+    #[error("{}: {field}: expected {expected}, found {found}", file.display())]
+    Checkpoint {
+        /// The file.
+        file: PathBuf,
+        /// Tensor or metadata.
+        field: String,
+        /// What would have been right.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// A picture of curves could not be drawn.
+    #[error("plot: {0}")]
+    Plot(String),
     /// A value of a configuration is out of its range.
     #[error("{field}: expected {expected}, found {found}")]
     Config {
@@ -34,6 +57,16 @@ pub enum TrainError {
         /// Why not.
         reason: String,
     },
+}
+
+impl From<TargetError> for TrainError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Engine(error) => Self::Engine(error),
+            TargetError::Format(error) => Self::Format(error),
+            TargetError::Setting { setting, expected, found } => Self::Config { field: setting, expected, found },
+        }
+    }
 }
 
 impl TrainError {

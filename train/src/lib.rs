@@ -1,4 +1,10 @@
-//! Training: scenes that we can make and measure.
+//! Training: scenes that we can make and measure, and the stages that train the network on them.
 
 pub mod error;
 pub mod scenes;
+pub mod velocity;
+
+pub mod stages;
+
+pub mod ablate;
+pub mod ship;

@@ -78,7 +78,8 @@ fn errors_are_one_line_and_leave_nothing() {
     let out = tempfile::tempdir().unwrap();
     fs::create_dir_all(out.path().join("full/train-000001")).unwrap();
     fs::write(out.path().join("full/train-000001/kept"), "kept").unwrap();
-    let cases: [(&[&str], &str); 4] = [
+    let cases: [(&[&str], &str); 5] = [
+        (&[], "expected a command"),
         (&["scenes", "--out", "full", "--count", "2", "--seed", "0"], "train-000001: expected a directory that"),
         (&["scenes", "--out", "new", "--frames", "0"], "num_frames: expected 1..=1000, found 0"),
         (&["scenes", "--out", "new", "--cameras", "7"], "--cameras"),

@@ -11,7 +11,7 @@ const OPACITY: f32 = 0.5;
 /// Standard deviation of a Gaussian over the mean distance to its three nearest neighbours.
 ///
 /// At 1, as `Flux4D` starts, neighbours overlap so far that edges blur and near surfaces bleed over far ones. Mean PSNR (dB) of held-out
-/// views of two real clips, six-camera and one-camera, and their mean depth error (metres): 1: 14.4, 16.5 and 8.4, 2.8; 0.7: 14.9, 17.4 and
+/// views of two real clips, of three cameras and of one, and their mean depth error (metres): 1: 14.4, 16.5 and 8.4, 2.8; 0.7: 14.9, 17.4 and
 /// 5.8, 2.0; 0.5: 15.3, 17.9 and 4.2, 1.6; 0.35: 15.9, 18.2 and 3.3, 1.3; 0.2: 16.2, 18.2 and 2.9, 1.2, but then the static background
 /// stands for most of the pixels, moving things included.
 const SPACING_SHARE: f32 = 0.35;
@@ -19,7 +19,7 @@ const SPACING_SHARE: f32 = 0.35;
 /// One Gaussian per point that has a colour, in the order of the cloud; velocity zero.
 ///
 /// # Shapes
-/// `colours` `[N, 3]`, `spacing` `[N]` metres.
+/// `colours` `[N, 3]`; `spacing` `[M]` metres, of the points that have a colour, in their order.
 ///
 /// # Formula
 /// `x` = point, `s = ln(clamp(0.35 spacing, 1e-4, 1))` on all three axes, `q = 1`, `alpha = logit(0.5)`, `c = logit(colour)`.
@@ -28,14 +28,10 @@ const SPACING_SHARE: f32 = 0.35;
 /// `Flux4D`, initial values of its `LiDAR` branch; the random rotation left out.
 pub fn initial(cloud: &PointCloud, colours: &[Option<[f32; 3]>], spacing: &[f32]) -> GaussianSet {
     let mut set = GaussianSet::default();
-    for (i, colour) in colours.iter().enumerate() {
-        let Some(colour) = colour else { continue };
-        set.attributes.push(row(
-            cloud.positions[i],
-            (SPACING_SHARE * spacing[i]).clamp(MIN_SCALE, MAX_SCALE),
-            OPACITY,
-            *colour,
-        ));
+    let painted = colours.iter().enumerate().filter_map(|(i, colour)| Some((i, (*colour)?)));
+    for ((i, colour), spacing) in painted.zip(spacing) {
+        let scale = (SPACING_SHARE * spacing).clamp(MIN_SCALE, MAX_SCALE);
+        set.attributes.push(row(cloud.positions[i], scale, OPACITY, colour));
         set.times.push(cloud.times[i]);
     }
     set.num_lidar = set.len();

@@ -36,6 +36,26 @@ pub struct GaussianSet {
     pub num_lidar: usize,
 }
 
+/// Gradients by raw attributes and velocities.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RawGradient {
+    /// `[N, 14]`.
+    pub attributes: Vec<[f32; NUM_ATTRIBUTES]>,
+    /// `[N, 3]`.
+    pub velocities: Vec<[f32; 3]>,
+}
+
+/// What every Gaussian sees of the errors of rendered views.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeanResiduals {
+    /// The error under the Gaussian, taken back to its parameters, over its blending weight.
+    pub gradient: RawGradient,
+    /// `[N]` its blending weight over all pixels of all views, pixels.
+    pub weights: Vec<f32>,
+    /// `[N]` the mean absolute error of the colours under it.
+    pub errors: Vec<f32>,
+}
+
 impl GaussianSet {
     /// Number of Gaussians of both branches.
     pub fn len(&self) -> usize {

@@ -1,5 +1,7 @@
 //! Raw parameters to physical values, and the chain rule back.
 
+use rayon::prelude::*;
+
 use super::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
@@ -45,13 +47,28 @@ pub struct SplatGradient {
     pub velocity: [f32; 3],
 }
 
+impl SplatGradient {
+    /// Adds `factor` times another gradient.
+    pub fn add_scaled(&mut self, other: &Self, factor: f32) {
+        fn add<const D: usize>(to: &mut [f32; D], from: &[f32; D], factor: f32) {
+            to.iter_mut().zip(from).for_each(|(t, f)| *t += factor * f);
+        }
+        add(&mut self.mean, &other.mean, factor);
+        add(&mut self.quat, &other.quat, factor);
+        add(&mut self.scale, &other.scale, factor);
+        add(&mut self.colour, &other.colour, factor);
+        add(&mut self.velocity, &other.velocity, factor);
+        self.opacity += factor * other.opacity;
+    }
+}
+
 /// Physical values of every Gaussian, in the order of the set.
 ///
 /// # Formula
 /// `scale = clamp(exp(s), 1e-4, 1)` in the `LiDAR` branch, without the upper clamp in the background; `opacity = sigmoid(a)`,
 /// `colour = sigmoid(c)`. The quaternion is passed on; the renderer normalises it.
 pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
-    (0..set.len()).map(|i| splat_of(set, i)).collect()
+    (0..set.len()).into_par_iter().with_min_len(4096).map(|i| splat_of(set, i)).collect()
 }
 
 fn splat_of(set: &GaussianSet, i: usize) -> Splat {
@@ -75,7 +92,8 @@ fn splat_of(set: &GaussianSet, i: usize) -> Splat {
 /// # Gradient
 /// `d scale / d s = scale` inside the clamp and 0 outside; `d sigmoid(x) / dx = y (1 - y)`.
 pub fn to_raw_gradient(set: &GaussianSet, physical: &[SplatGradient]) -> (Vec<[f32; NUM_ATTRIBUTES]>, Vec<[f32; 3]>) {
-    let attributes = physical.iter().enumerate().map(|(i, g)| raw_gradient_of(set, i, g)).collect();
+    let rows = physical.par_iter().enumerate().with_min_len(4096);
+    let attributes = rows.map(|(i, g)| raw_gradient_of(set, i, g)).collect();
     (attributes, physical.iter().map(|g| g.velocity).collect())
 }
 

@@ -6,6 +6,10 @@
 
 mod depth;
 mod l1;
+mod map;
+pub mod op;
+mod psnr;
+mod residual;
 pub mod ssim;
 mod velocity;
 
@@ -18,6 +22,8 @@ use crate::{
     views::View,
 };
 pub(crate) use depth::depth_errors;
+pub use map::{LossCounts, LossMap, loss_map, patch_change};
+pub use residual::residual_image;
 use ssim::ImagePair;
 pub use velocity::velocity_loss;
 
@@ -32,11 +38,13 @@ pub struct LossWeights {
     pub depth: f32,
     /// Of the mean speed, per metre a second.
     pub velocity: f32,
+    /// Of the peak signal-to-noise ratio, per decibel that is missing: no part of the loss as it is defined, for training towards it.
+    pub psnr: f32,
 }
 
 impl Default for LossWeights {
     fn default() -> Self {
-        Self { l1: 0.8, ssim: 0.2, depth: 0.01, velocity: 0.01 }
+        Self { l1: 0.8, ssim: 0.2, depth: 0.01, velocity: 0.01, psnr: 0.0 }
     }
 }
 
@@ -61,7 +69,7 @@ pub struct LossTerms {
 /// empty (zeros).
 ///
 /// # Formula
-/// `l1 L1 + ssim (1 - SSIM) + depth D`; the velocity term is [`velocity_loss`].
+/// `l1 L1 + ssim (1 - SSIM) + depth D - psnr PSNR`; the velocity term is [`velocity_loss`].
 ///
 /// # Gradient
 /// Exact; the truth and the LiDAR are constants. A rendered value that is not finite makes the terms that see it, and
@@ -80,7 +88,12 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     let pair = ImagePair { truth: &view.image.data, rendered: colours, width, height };
     let mut rgb = vec![0.0; colours.len()];
     let num_ignored = labels.map_or(0, |l| l.iter().filter(|&&label| label == PixelLabel::Ignored).count());
-    let l1 = l1::l1(colours, pair.truth, colours.len() - 3 * num_ignored, weights.l1, &mut rgb);
+    let num_values = colours.len() - 3 * num_ignored;
+    let l1 = l1::l1(colours, pair.truth, num_values, weights.l1, &mut rgb);
+    let psnr = match weights.psnr {
+        0.0 => 0.0,
+        weight => psnr::add_psnr_gradient(colours, pair.truth, num_values, weight, &mut rgb),
+    };
     let ssim = ssim::add_ssim_gradient(&pair, labels, -weights.ssim, &mut rgb);
     if let Some(labels) = labels {
         let ignored = rgb.chunks_exact_mut(3).zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);
@@ -89,7 +102,8 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
     let total = f64::from(weights.l1) * l1
         + ssim.map_or(0.0, |ssim| f64::from(weights.ssim) * (1.0 - ssim))
-        + f64::from(weights.depth) * depth;
+        + f64::from(weights.depth) * depth
+        - f64::from(weights.psnr) * psnr;
     FILLED.with(|kept| kept.replace(filled));
     (LossTerms { l1, ssim, depth, total }, ImageGradient { rgb, expected_depth, ..ImageGradient::default() })
 }

@@ -9,7 +9,7 @@ use crate::{
     evaluate::{ViewFigures, evaluate_view, lpips::Lpips, masks::dynamic_pixels},
     gaussians::physical::Splat,
     render::{Rendered, render},
-    views::{ClipFrame, PinholeView, View},
+    views::{ClipFrame, PinholeView, Role, View},
 };
 
 /// Views that are in memory as rendered images at one time.
@@ -33,6 +33,15 @@ pub enum Figures<'a> {
     AtTime(f32),
 }
 
+/// What is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawing<'a> {
+    /// The scene.
+    pub scene: &'a [Splat],
+    /// Scores for colours, drawn in input views; see [`DensityMap::splats`](crate::densify::DensityMap::splats).
+    pub scores: Option<&'a [Splat]>,
+}
+
 /// A view as it was drawn, with its figures.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderedView<'a> {
@@ -40,16 +49,18 @@ pub struct RenderedView<'a> {
     pub view: &'a View,
     /// As it was drawn.
     pub rendered: &'a Rendered,
+    /// The scores in this view; `None` when there are none, or it is held out.
+    pub scores: Option<&'a Rendered>,
     /// Its figures; `None` when there is no truth.
     pub figures: Option<&'a ViewFigures>,
 }
 
-/// What `keep` makes of each of `views`, drawn from `splats` and measured, in their order.
+/// What `keep` makes of each of `views`, drawn and measured, in their order.
 ///
 /// # Errors
 /// Those of the figures and of `keep`.
 pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
-    splats: &[Splat],
+    drawing: Drawing<'_>,
     views: &[&View],
     figures: Figures<'_>,
     watch: &mut Watch<'_>,
@@ -59,13 +70,16 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     stages.iter().for_each(|&stage| watch.progress.begin(stage, views.len()));
     let mut kept = Vec::with_capacity(views.len());
     for batch in views.chunks(BATCH) {
-        let rendered: Vec<Rendered> = watch.time(Stage::Render, |progress| {
+        let (rendered, scores): (Vec<Rendered>, Vec<Option<Rendered>>) = watch.time(Stage::Render, |progress| {
             let draw = |view: &&View| {
-                let rendered = render(splats, &pinhole(view, figures), BEHIND);
+                let pinhole = pinhole(view, figures);
+                let rendered = render(drawing.scene, &pinhole, BEHIND);
+                let scored = drawing.scores.filter(|_| view.role == Role::Input);
+                let scores = scored.map(|splats| render(splats, &pinhole, BEHIND));
                 progress.step(Stage::Render);
-                rendered
+                (rendered, scores)
             };
-            batch.iter().map(draw).collect()
+            batch.iter().map(draw).unzip()
         });
         let measured: Vec<Option<ViewFigures>> = watch.time(Stage::Evaluate, |progress| {
             let measure = |(view, rendered): (&&View, &Rendered)| {
@@ -75,9 +89,10 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
             };
             batch.par_iter().zip(&rendered).map(measure).collect::<Result<_>>()
         })?;
-        let all = batch.par_iter().zip(&rendered).zip(&measured);
-        let new =
-            all.map(|((view, rendered), figures)| keep(RenderedView { view, rendered, figures: figures.as_ref() }));
+        let all = batch.par_iter().zip(&rendered).zip(&scores).zip(&measured);
+        let new = all.map(|(((view, rendered), scores), figures)| {
+            keep(RenderedView { view, rendered, scores: scores.as_ref(), figures: figures.as_ref() })
+        });
         kept.extend(new.collect::<std::result::Result<Vec<T>, E>>()?);
     }
     stages.iter().for_each(|&stage| watch.progress.end(stage));

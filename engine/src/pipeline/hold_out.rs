@@ -2,6 +2,8 @@
 
 use std::num::NonZeroUsize;
 
+use lgs_formats::frame_list::FrameList;
+
 use crate::error::{EngineError, Result};
 
 /// Which frames are held out. Rules count by index in the clip, whichever frames take part.
@@ -44,14 +46,30 @@ impl HoldOut {
     }
 }
 
+impl std::str::FromStr for HoldOut {
+    type Err = String;
+
+    /// The rule that [`HoldOut`] prints so.
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match (text, text.strip_prefix("every:")) {
+            ("none", _) => Ok(Self::Nothing),
+            ("odd", _) => Ok(Self::Odd),
+            (_, Some(n)) => {
+                n.parse().map(Self::Every).map_err(|error| format!("expected every:N with N of 1 or more: {error}"))
+            }
+            (list, None) => list
+                .parse()
+                .map(|FrameList(frames)| Self::List(frames))
+                .map_err(|error| format!("{error}; or odd, or every:N, or none")),
+        }
+    }
+}
+
 impl std::fmt::Display for HoldOut {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Nothing => write!(formatter, "none"),
-            Self::List(frames) => {
-                let frames: Vec<String> = frames.iter().map(usize::to_string).collect();
-                write!(formatter, "{}", frames.join(","))
-            }
+            Self::List(frames) => write!(formatter, "{}", FrameList(frames.clone())),
             Self::Odd => write!(formatter, "odd"),
             Self::Every(n) => write!(formatter, "every:{n}"),
         }
@@ -74,6 +92,17 @@ mod tests {
         assert_eq!(every(10).indices(25, None).unwrap(), [9, 19]);
         assert_eq!(HoldOut::List(vec![4, 0]).indices(6, Some(&[1])).unwrap(), [4, 0]);
         assert!(HoldOut::Nothing.indices(6, None).unwrap().is_empty());
+    }
+
+    #[test]
+    fn rules_are_read_as_they_are_printed() {
+        for text in ["none", "odd", "every:3", "1,4"] {
+            assert_eq!(text.parse::<HoldOut>().unwrap().to_string(), text);
+        }
+        assert_eq!("1..3".parse::<HoldOut>().unwrap(), HoldOut::List(vec![1, 2, 3]));
+        for text in ["", "even", "every:0", "every:", "1,", "-1", "5..2"] {
+            assert!(text.parse::<HoldOut>().is_err(), "{text}");
+        }
     }
 
     #[test]

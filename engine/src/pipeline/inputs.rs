@@ -35,6 +35,11 @@ impl<'a> Inputs<'a> {
         &self.views
     }
 
+    /// The input views, for who needs nothing else of the inputs any more.
+    pub fn into_views(self) -> Vec<View> {
+        self.views
+    }
+
     /// The sweeps of the input frames as one cloud.
     ///
     /// # Errors

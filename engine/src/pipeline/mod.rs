@@ -6,13 +6,15 @@
 mod evaluate;
 mod hold_out;
 mod inputs;
+mod network;
 mod reconstruct;
 mod stages;
 #[cfg(test)]
 mod tests;
 
-pub use evaluate::{Figures, RenderedView, evaluate_views};
+pub use evaluate::{Drawing, Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
-pub use reconstruct::{GaussianCounts, Reconstruction, reconstruct};
+pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
+pub use reconstruct::{GaussianCounts, Reconstruction, optimise, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use crate::refine::RefineSeconds;
+
 /// A stage of a run, in the order of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -57,18 +59,26 @@ impl Stage {
 
 /// Seconds that each stage took; 0 for a stage that did not run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageTimes([f64; Stage::ALL.len()]);
+pub struct StageTimes {
+    stages: [f64; Stage::ALL.len()],
+    /// Parts of [`Stage::Refine`]; `None`, and no keys, without a network.
+    pub refine: Option<RefineSeconds>,
+}
 
 impl StageTimes {
     /// Seconds of one stage.
     pub const fn get(&self, stage: Stage) -> f64 {
-        self.0[stage as usize]
+        self.stages[stage as usize]
     }
 }
 
 impl serde::Serialize for StageTimes {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(Stage::ALL.map(|stage| (stage.key(), self.get(stage))))
+        let stages = Stage::ALL.map(|stage| (stage.key(), self.get(stage)));
+        let parts = self.refine.map(|parts| {
+            [("refine_render", parts.render), ("refine_loss", parts.loss), ("refine_network", parts.network)]
+        });
+        serializer.collect_map(stages.into_iter().chain(parts.into_iter().flatten()))
     }
 }
 
@@ -110,7 +120,7 @@ impl<'a> Watch<'a> {
     pub fn time<T>(&mut self, stage: Stage, work: impl FnOnce(&'a dyn Progress) -> T) -> T {
         let start = Instant::now();
         let value = work(self.progress);
-        self.times.0[stage as usize] += start.elapsed().as_secs_f64();
+        self.times.stages[stage as usize] += start.elapsed().as_secs_f64();
         value
     }
 

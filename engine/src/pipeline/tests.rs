@@ -12,7 +12,7 @@ use lgs_formats::{
     sweep::{Sweep, write_sweep},
 };
 
-use super::{Figures, HoldOut, Inputs, Reconstruction, Silent, Stage, Watch, evaluate_views, reconstruct};
+use super::{Drawing, Figures, HoldOut, Inputs, Reconstruction, Silent, Stage, Watch, evaluate_views, reconstruct};
 use crate::{
     error::{EngineError, Result},
     gaussians::{background::Mode, physical::to_physical},
@@ -86,7 +86,7 @@ impl Held {
 
     fn reconstruct(&self) -> Reconstruction {
         let inputs = self.inputs(self.views(Role::Input).unwrap()).unwrap();
-        reconstruct(&inputs, Mode::Auto, &mut Watch::new(&Silent)).unwrap()
+        reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent)).unwrap()
     }
 }
 
@@ -141,7 +141,7 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
         let keep = |drawn: super::RenderedView<'_>| {
             Result::Ok((drawn.view.frame, drawn.figures.map(|f| f.psnr), drawn.rendered.clone()))
         };
-        evaluate_views(&splats, &views, figures, &mut watch, &keep).unwrap()
+        evaluate_views(Drawing { scene: &splats, scores: None }, &views, figures, &mut watch, &keep).unwrap()
     };
     let (measured, moved) = (draw(truth), draw(Figures::AtTime(0.3)));
     assert_eq!(measured.iter().map(|view| view.0).collect::<Vec<_>>(), [0, 2, 0, 2, 0, 2, 0, 2, 0, 2]);

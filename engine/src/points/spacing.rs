@@ -1,74 +1,64 @@
 //! How far apart the points of a cloud are.
 
-use std::num::NonZeroUsize;
-
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
+
+use crate::{error::Result, ops::knn};
 
 /// How many neighbours the spacing is the mean over.
 const NUM_NEIGHBOURS: usize = 3;
-/// Points that are queried in one go, so that they share the tree's cached nodes.
-const RUN: usize = 1024;
 
-/// The mean distance (metres) of every point to its three nearest neighbours; to as many as there are when fewer exist,
-/// 0 for a lone point. Coincident points are neighbours at distance 0.
+/// The mean distance (metres) of the points `queries` to their three nearest neighbours among all; to as many as there are
+/// when fewer exist, 0 for a lone point. Coincident points are neighbours at distance 0.
 ///
-/// The result depends on distances only, so ties and the order of the search cannot change it.
-pub fn spacing(positions: &[[f32; 3]]) -> Vec<f32> {
-    let Ok(tree) = ImmutableKdTree::<f32, 3>::new_from_slice(positions) else {
-        return vec![0.0; positions.len()];
+/// # Shapes
+/// `positions` `[N, 3]`, `queries` `[M]` indices below N; result `[M]`.
+///
+/// # Errors
+/// When a coordinate is not finite, or a query lies beyond the points.
+pub fn spacing(positions: &[[f32; 3]], queries: &[u32]) -> Result<Vec<f32>> {
+    let neighbours = knn::nearest_of(positions, queries, NUM_NEIGHBOURS)?;
+    let mean = |m: usize| {
+        let found = neighbours.of(m);
+        let distance = |&j: &u32| squared_distance(&positions[queries[m] as usize], &positions[j as usize]).sqrt();
+        found.iter().map(distance).sum::<f32>() / found.len().max(1) as f32
     };
-    let order = spatial_order(positions);
-    let of_run = |run: &[u32]| run.iter().map(|&i| mean_distance(&tree, &positions[i as usize])).collect::<Vec<f32>>();
-    let means: Vec<Vec<f32>> = order.par_chunks(RUN).map(of_run).collect();
-    let mut result = vec![0.0; positions.len()];
-    for (&i, mean) in order.iter().zip(means.into_iter().flatten()) {
-        result[i as usize] = mean;
+    Ok((0..queries.len()).into_par_iter().with_min_len(1024).map(mean).collect())
+}
+
+fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
+    let [x, y, z] = [0, 1, 2].map(|c| a[c] - b[c]);
+    x * x + y * y + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spacing;
+
+    #[test]
+    fn the_mean_over_three_or_fewer() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0], [9.0, 9.0, 9.0]];
+        assert_eq!(spacing(&points, &[0]).unwrap(), [2.0]);
+        assert_eq!(spacing(&points[..2], &[1, 0]).unwrap(), [1.0, 1.0]);
+        assert_eq!(spacing(&points[..1], &[0]).unwrap(), [0.0]);
+        assert_eq!(spacing(&[[4.0; 3]; 9], &[8]).unwrap(), [0.0]);
+        assert!(spacing(&[], &[]).unwrap().is_empty());
+        assert!(spacing(&[[f32::NAN; 3]], &[0]).is_err() && spacing(&[], &[0]).is_err());
     }
-    result
-}
 
-fn mean_distance(tree: &ImmutableKdTree<f32, 3>, point: &[f32; 3]) -> f32 {
-    const WITH_ITSELF: NonZeroUsize = NonZeroUsize::MIN.saturating_add(NUM_NEIGHBOURS);
-    let nearest = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(WITH_ITSELF).execute();
-    let others = nearest.get(1..).unwrap_or_default();
-    let total: f32 = others.iter().map(|neighbour| neighbour.distance.sqrt()).sum();
-    total / others.len().max(1) as f32
-}
-
-/// Indices of the points along a Morton curve through their bounding box.
-fn spatial_order(positions: &[[f32; 3]]) -> Vec<u32> {
-    let (low, high) = bounding_box(positions);
-    let scale: [f32; 3] = std::array::from_fn(|k| CELLS / (high[k] - low[k]).max(f32::MIN_POSITIVE));
-    let code = |p: &[f32; 3]| (0..3).fold(0, |code, k| code | spread(cell((p[k] - low[k]) * scale[k])) << k);
-    let mut keyed: Vec<(u32, u32)> = positions.iter().map(code).zip(0..).collect();
-    keyed.sort_unstable();
-    keyed.into_iter().map(|(_, i)| i).collect()
-}
-
-/// Cells per axis of the Morton grid: ten bits, so that three axes fit into a u32.
-const CELLS: f32 = 1023.0;
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the cast saturates, NaN gives 0, and the order needs not be exact"
-)]
-const fn cell(scaled: f32) -> u32 {
-    scaled.clamp(0.0, CELLS) as u32
-}
-
-/// The ten low bits of `v`, three places apart.
-const fn spread(v: u32) -> u32 {
-    let v = (v | v << 16) & 0x0300_00FF;
-    let v = (v | v << 8) & 0x0300_F00F;
-    let v = (v | v << 4) & 0x030C_30C3;
-    (v | v << 2) & 0x0924_9249
-}
-
-fn bounding_box(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
-    let start = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    positions.iter().fold(start, |(low, high), p| {
-        (std::array::from_fn(|k| low[k].min(p[k])), std::array::from_fn(|k| high[k].max(p[k])))
-    })
+    #[test]
+    fn equals_a_plain_search() {
+        let points: Vec<[f32; 3]> = (0..2000_u32)
+            .map(|i| [0.754_877_7_f32, 0.569_840_3, 0.219_51].map(|a| (i as f32 * a).fract() * 30.0))
+            .collect();
+        let queries: Vec<u32> = (0..2000).step_by(7).collect();
+        let got = spacing(&points, &queries).unwrap();
+        for (&i, got) in queries.iter().zip(got) {
+            let square = |a: f32, b: f32| (f64::from(a) - f64::from(b)).powi(2);
+            let distance = |q: &[f32; 3]| (0..3).map(|c| square(points[i as usize][c], q[c])).sum::<f64>().sqrt();
+            let mut all: Vec<f64> = points.iter().map(distance).collect();
+            all.sort_by(f64::total_cmp);
+            let want = all[1..4].iter().sum::<f64>() / 3.0;
+            assert!((f64::from(got) - want).abs() < 1e-6 * want, "point {i}: {got}, want {want}");
+        }
+    }
 }

@@ -189,5 +189,10 @@ fn unblend<S: Simd>(
         sums[3] = simd.add_f32s(sums[3], row_gu);
         sums[4] = simd.mul_add_f32s(row_gu, dy, sums[4]);
     }
-    sums.map(|v| simd.reduce_sum_f32s(v))
+    // A loop, not `map`: its closure would stand outside the vectorised function.
+    let mut moments = [0.0; MOMENTS];
+    for (moment, sum) in moments.iter_mut().zip(sums) {
+        *moment = simd.reduce_sum_f32s(sum);
+    }
+    moments
 }

@@ -23,15 +23,21 @@ pub(super) fn composite(lists: &TileLists) -> Vec<f32> {
     let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
     tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
-        arch.dispatch(CompositeTile { lists, tile, planes });
+        let (entries, origin) = (lists.entries_of(tile), lists.grid.origin(tile));
+        arch.dispatch(CompositeTile { footprints: &lists.footprints, entries, origin, planes });
     });
     tiles
 }
 
-struct CompositeTile<'a> {
-    lists: &'a TileLists,
-    tile: usize,
-    planes: &'a mut [f32],
+/// One tile to composite.
+pub(super) struct CompositeTile<'a> {
+    pub(super) footprints: &'a [Footprint],
+    /// Indices into `footprints`, nearest first.
+    pub(super) entries: &'a [u32],
+    /// Pixel (x, y) of the tile's upper left corner.
+    pub(super) origin: [usize; 2],
+    /// `[PLANES, TILE_PIXELS]` to fill; zeros.
+    pub(super) planes: &'a mut [f32],
 }
 
 impl WithSimd for CompositeTile<'_> {
@@ -39,14 +45,13 @@ impl WithSimd for CompositeTile<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lists, tile, planes } = self;
+        let Self { footprints, entries, origin, planes } = self;
         planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
         planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
-        let origin = lists.grid.origin(tile);
         let broadcast = Broadcast::new(simd);
         let vectors = S::as_mut_simd_f32s(planes).0;
-        for (position, &entry) in lists.entries_of(tile).iter().enumerate() {
-            let footprint = &lists.footprints[entry as usize];
+        for (position, &entry) in entries.iter().enumerate() {
+            let footprint = &footprints[entry as usize];
             blend(simd, &broadcast, vectors, footprint, &origin, position as f32);
             if position % CHECK_EVERY == CHECK_EVERY - 1 && all_ended(simd, vectors) {
                 break;

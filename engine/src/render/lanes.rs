@@ -4,6 +4,7 @@ use pulp::Simd;
 
 use super::constants::{ALPHA_MAX, ALPHA_MIN, TILE_WIDTH};
 use super::project::Footprint;
+use crate::ops::lanes::exp2;
 
 /// Centres of the pixels of a row of a tile, relative to the tile's left edge.
 const PIXEL_CENTRES: [f32; TILE_WIDTH] = {
@@ -83,29 +84,8 @@ impl<S: Simd> Broadcast<S> {
         let u = simd.sub_f32s(centres, simd.splat_f32s(span.peak_x));
         let slope = simd.mul_f32s(simd.splat_f32s(curve_u), u);
         let uncapped = exp2(simd, simd.mul_add_f32s(slope, u, simd.splat_f32s(span.peak_log2)));
-        let alpha = simd.min_f32s(uncapped, self.alpha_max);
+        // The second argument of the minimum is returned when it is NaN: what is no number is not drawn.
+        let alpha = simd.min_f32s(self.alpha_max, uncapped);
         Alphas { u, uncapped, alpha, drawn: simd.greater_than_or_equal_f32s(alpha, self.alpha_min) }
     }
-}
-
-/// `2^x` for `x <= 1`, relative error below 2e-7; what is below 2^-126 becomes about 2^-126.
-///
-/// # Source
-/// Round to the nearest integer by adding 1.5 * 2^23; minimax polynomial of degree 5 for 2^f, |f| <= 1/2 (Remez, 7.5e-8).
-#[inline(always)]
-pub(super) fn exp2<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
-    const ROUNDER: f32 = 12_582_912.0;
-    const COEFFICIENTS: [f32; 6] =
-        [1.000_000_1, 0.693_146_97, 0.240_221_2, 0.055_507_13, 0.009_675_541, 0.001_327_647_2];
-    let x = simd.max_f32s(x, simd.splat_f32s(-126.0));
-    let rounder = simd.splat_f32s(ROUNDER);
-    let shifted = simd.add_f32s(x, rounder);
-    let f = simd.sub_f32s(x, simd.sub_f32s(shifted, rounder));
-    let mut p = simd.splat_f32s(COEFFICIENTS[5]);
-    for k in (0..5).rev() {
-        p = simd.mul_add_f32s(p, f, simd.splat_f32s(COEFFICIENTS[k]));
-    }
-    let exponent = simd.wrapping_dyn_shl_u32s(simd.transmute_u32s_f32s(shifted), simd.splat_u32s(23));
-    let scale = simd.add_u32s(exponent, simd.splat_u32s(1.0_f32.to_bits()));
-    simd.mul_f32s(p, simd.transmute_f32s_u32s(scale))
 }

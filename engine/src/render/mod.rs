@@ -5,14 +5,20 @@
 //! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
+//! Interventions: `branch` (sets that differ in some Gaussians share their projections), `patch` (what one Gaussian changes, by its
+//! tiles alone), `blended` (maps summed under every Gaussian's blending weights).
+//!
 //! # Source
 //! Zwicker et al., EWA splatting, 2001; Kerbl et al., 3D Gaussian splatting, 2023; conventions of gsplat (see `constants`).
 
 pub mod constants;
 
 mod backward;
+mod blended;
+mod branch;
 mod forward;
 mod lanes;
+mod patch;
 mod project;
 mod project_backward;
 mod tiles;
@@ -21,6 +27,12 @@ pub mod op;
 
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
+pub use blended::{MAPS, blended_sums};
+pub use branch::Projection;
+use constants::TILE_PIXELS;
+use forward::{PLANES, STOP};
+pub(crate) use patch::crop;
+pub use patch::{Patch, Redraw};
 use tiles::TileLists;
 
 pub mod reference;
@@ -80,6 +92,17 @@ impl RenderedWithState {
             + lists.entries.len() * size_of::<backward::Moments>()
     }
 
+    /// Indices of the Gaussians that can reach a pixel, nearest first.
+    pub fn visible(&self) -> impl Iterator<Item = usize> + '_ {
+        self.lists.footprints.iter().map(|footprint| footprint.index as usize)
+    }
+
+    /// List position that ended each pixel of a tile.
+    fn stops_of(&self, tile: usize) -> &[f32] {
+        let planes = PLANES * TILE_PIXELS;
+        &self.tiles[tile * planes + STOP * TILE_PIXELS..(tile + 1) * planes]
+    }
+
     /// Number of pairs of a Gaussian and a tile that it can reach.
     pub fn num_intersections(&self) -> usize {
         self.lists.entries.len()
@@ -100,10 +123,7 @@ pub fn render(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> Ren
 
 /// As [`render`], with the state that [`backward`] needs.
 pub fn render_for_gradient(splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
-    let lists = tiles::bin(splats, view);
-    let tiles = forward::composite(&lists);
-    let images = forward::assemble(&tiles, lists.grid, [view.width, view.height], background);
-    RenderedWithState { images, lists, tiles, background }
+    Projection::new(splats, view).render(view, background)
 }
 
 /// Gradients of a scalar by the physical values of all Gaussians, from its gradients by the images.
@@ -115,6 +135,23 @@ pub fn render_for_gradient(splats: &[Splat], view: &PinholeView, background: [f3
 /// Exact, of the function that [`render`] computes; the depth order and which pixels a Gaussian reaches are constants, the
 /// camera is a constant.
 pub fn backward(
+    splats: &[Splat],
+    view: &PinholeView,
+    state: &RenderedWithState,
+    gradient: &ImageGradient,
+) -> Vec<SplatGradient> {
+    let mut all = vec![SplatGradient::default(); splats.len()];
+    for (i, of_visible) in state.visible().zip(backward_visible(splats, view, state, gradient)) {
+        all[i] = of_visible;
+    }
+    all
+}
+
+/// As [`backward`], of the visible Gaussians alone: all others have none.
+///
+/// # Shapes
+/// Result `[num_visible]`, in the order of [`RenderedWithState::visible`].
+pub fn backward_visible(
     splats: &[Splat],
     view: &PinholeView,
     state: &RenderedWithState,

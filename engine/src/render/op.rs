@@ -5,6 +5,7 @@ use candle_core::{CpuStorage, CustomOp2, Layout, Shape, Tensor};
 use super::{ImageGradient, backward, render_for_gradient};
 use crate::gaussians::physical::{to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
+use crate::ops::tensors::slice;
 use crate::views::PinholeView;
 
 /// Channels of the packed image: red, green, blue, alpha, accumulated depth.
@@ -58,13 +59,6 @@ impl RenderOp {
     }
 }
 
-fn contiguous<'a>(storage: &'a CpuStorage, layout: &Layout) -> candle_core::Result<&'a [f32]> {
-    match layout.contiguous_offsets() {
-        Some((start, end)) => Ok(&storage.as_slice::<f32>()?[start..end]),
-        None => candle_core::bail!("render: expected contiguous tensors"),
-    }
-}
-
 impl CustomOp2 for RenderOp {
     fn name(&self) -> &'static str {
         "render-gaussians"
@@ -77,8 +71,7 @@ impl CustomOp2 for RenderOp {
         velocities: &CpuStorage,
         velocities_layout: &Layout,
     ) -> candle_core::Result<(CpuStorage, Shape)> {
-        let set =
-            self.gaussians(contiguous(attributes, attributes_layout)?, contiguous(velocities, velocities_layout)?)?;
+        let set = self.gaussians(slice(attributes, attributes_layout)?, slice(velocities, velocities_layout)?)?;
         let images = super::render(&to_physical(&set), &self.view, self.background);
         let pixels = images.rgb.as_chunks::<3>().0.iter().zip(&images.alpha).zip(&images.depth);
         let packed = pixels.flat_map(|((rgb, &alpha), &depth)| [rgb[0], rgb[1], rgb[2], alpha, depth]).collect();

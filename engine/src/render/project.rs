@@ -134,6 +134,30 @@ impl Projector {
         })
     }
 
+    /// Whether the Gaussian misses the image by more than its largest axis could reach if it lay across the line of sight; `false` where
+    /// a parameter is not a number.
+    ///
+    /// # Formula
+    /// `cov_xx <= |row of J W|^2 s_max^2 + 0.3`.
+    fn is_surely_outside(&self, splat: &Splat) -> bool {
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let t = self.rotation * (vector(splat.mean) + vector(splat.velocity) * self.elapsed(splat)) + self.translation;
+        if t.z < NEAR_PLANE {
+            return true;
+        }
+        let slope = DVec2::new(t.x, t.y) / t.z;
+        let kept = slope.clamp(self.limits_min, self.limits_max);
+        let largest = splat.scale.iter().fold(0.0_f64, |max, &s| max.max(f64::from(s).abs()));
+        let w = self.rotation.transpose();
+        let rows = [w.x_axis - kept.x * w.z_axis, w.y_axis - kept.y * w.z_axis];
+        let (centre, reach) = (self.focal * slope + self.centre, largest_reach(splat.opacity));
+        (0..2).any(|axis| {
+            let share = self.focal[axis] / t.z * largest;
+            let extent = reach * (share * share * rows[axis].length_squared() + BLUR_PX2).sqrt();
+            centre[axis] + extent < 0.5 || centre[axis] - extent > self.size[axis] as f64 - 0.5
+        })
+    }
+
     /// Centre of the projected Gaussian, pixels.
     pub(super) fn centre_of(&self, projected: &Projected) -> DVec2 {
         let t = projected.camera_mean;
@@ -141,11 +165,15 @@ impl Projector {
     }
 
     /// The footprint of a Gaussian; `None` where it can reach no pixel of the image.
-    #[expect(clippy::cast_possible_truncation, reason = "f64 to f32 is the purpose")]
     pub(super) fn footprint(&self, splat: &Splat, index: u32) -> Option<Footprint> {
-        if splat.opacity.is_nan() || splat.opacity < ALPHA_MIN {
+        if splat.opacity.is_nan() || splat.opacity < ALPHA_MIN || self.is_surely_outside(splat) {
             return None;
         }
+        self.exact_footprint(splat, index)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "f64 to f32 is the purpose")]
+    fn exact_footprint(&self, splat: &Splat, index: u32) -> Option<Footprint> {
         let projected = self.project(splat)?;
         let centre = self.centre_of(&projected);
         let [xx, xy, yy] = projected.covariance;
@@ -195,6 +223,12 @@ impl Footprint {
     }
 }
 
+/// At least as many standard deviations as those at which alpha falls to its minimum, with room for rounding.
+fn largest_reach(opacity: f32) -> f64 {
+    const OF_OPAQUE: f64 = 3.33;
+    if opacity <= 1.0 { OF_OPAQUE } else { (2.0 * (f64::from(opacity) / f64::from(ALPHA_MIN)).ln()).sqrt() + 1e-2 }
+}
+
 /// The unit quaternion and the norm; the identity and 0 where there is no direction.
 fn normalise(q: [f64; 4]) -> ([f64; 4], f64) {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -209,4 +243,46 @@ fn rotation_of([w, x, y, z]: [f64; 4]) -> DMat3 {
         DVec3::new(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
         DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_has_no_footprint_is_surely_outside() {
+        let view = PinholeView {
+            width: 80,
+            height: 50,
+            fx: 60.0,
+            fy: 70.0,
+            cx: 35.0,
+            cy: 30.0,
+            camera_from_clip: [[0.8, 0.0, 0.6, 0.2], [0.0, 1.0, 0.0, 0.1], [-0.6, 0.0, 0.8, 0.3]],
+            time: 0.2,
+        };
+        let projector = Projector::new(&view);
+        let at = |i: u32, salt: f32| ((i as f32 * 12.9898 + salt).sin() * 43_758.547).fract();
+        let (mut outside, mut shown, mut missed) = (0, 0, 0);
+        for i in 0..20_000 {
+            let reach = 10.0_f32.powf(2.0 * at(i, 9.0));
+            let splat = Splat {
+                mean: [0.1, 0.7, 1.3].map(|salt| reach * at(i, salt)),
+                quat: [at(i, 2.0), at(i, 3.0), at(i, 4.0), at(i, 5.0)],
+                scale: [6.0, 7.0, 8.0].map(|salt| 10.0_f32.powf(2.0 * at(i, salt) - 1.0)),
+                opacity: at(i, 10.0).abs(),
+                velocity: [1.0, 0.0, -1.0],
+                ..Splat::default()
+            };
+            let drawn = splat.opacity >= ALPHA_MIN && projector.exact_footprint(&splat, i).is_some();
+            let culled = projector.is_surely_outside(&splat);
+            assert!(!(drawn && culled), "Gaussian {i}: {splat:?}");
+            outside += usize::from(culled);
+            shown += usize::from(drawn);
+            missed += usize::from(!drawn && !culled);
+        }
+        assert!(outside > 5000 && shown > 2000 && missed < outside / 4, "{outside} {shown} {missed}");
+        let spoilt = Splat { mean: [f32::NAN; 3], ..Splat::default() };
+        assert!(!projector.is_surely_outside(&spoilt) && projector.footprint(&spoilt, 0).is_none());
+    }
 }

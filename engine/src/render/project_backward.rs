@@ -9,7 +9,7 @@ use super::tiles::TileLists;
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
-/// Gradients of all Gaussians; zeros for those that no pixel shows.
+/// `[num_visible]` gradients of the visible Gaussians, nearest first.
 pub(super) fn gradients(
     splats: &[Splat],
     view: &PinholeView,
@@ -17,7 +17,7 @@ pub(super) fn gradients(
     moments: &[Moments],
 ) -> Vec<SplatGradient> {
     let projector = Projector::new(view);
-    let visible: Vec<(u32, SplatGradient)> = (0..lists.footprints.len())
+    (0..lists.footprints.len())
         .into_par_iter()
         .with_min_len(1024)
         .map(|v| {
@@ -28,15 +28,9 @@ pub(super) fn gradients(
                     *sum += f64::from(moment);
                 }
             }
-            let index = lists.footprints[v].index;
-            (index, gradient_of(&projector, &splats[index as usize], &sums))
+            gradient_of(&projector, &splats[lists.footprints[v].index as usize], &sums)
         })
-        .collect();
-    let mut all = vec![SplatGradient::default(); splats.len()];
-    for (index, gradient) in visible {
-        all[index as usize] = gradient;
-    }
-    all
+        .collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "gradients are stored in f32")]

@@ -55,23 +55,22 @@ impl TileLists {
     }
 }
 
-/// Projects, sorts and bins the Gaussians.
-pub(super) fn bin(splats: &[Splat], view: &PinholeView) -> TileLists {
+/// Bins footprints that are in depth order, by the tiles that each touches.
+pub(super) fn bin(footprints: Vec<Footprint>, first_slot: Vec<u32>, tiles: Vec<u32>, view: &PinholeView) -> TileLists {
     let grid = TileGrid::of(view);
-    let footprints = visible_by_depth(splats, view);
-    let (first_slot, tiles) = tiles_of_each(&footprints, view, grid);
     let (first_entry, slots, entries) = by_tile(&first_slot, tiles, grid);
     TileLists { grid, footprints, first_slot, slots, first_entry, entries }
 }
 
+/// Footprints of the Gaussians that can reach a pixel, nearest first, ties by index; the first Gaussian has index `first`.
 #[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 Gaussians")]
-fn visible_by_depth(splats: &[Splat], view: &PinholeView) -> Vec<Footprint> {
+pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeView) -> Vec<Footprint> {
     let projector = Projector::new(view);
     let visible: Vec<Footprint> = splats
         .par_iter()
         .with_min_len(CHUNK)
         .enumerate()
-        .filter_map(|(i, splat)| projector.footprint(splat, i as u32))
+        .filter_map(|(i, splat)| projector.footprint(splat, (first + i) as u32))
         .collect();
     // Depths are positive: their bits order as they do. The index in the low half settles ties.
     let mut keys: Vec<u64> =
@@ -81,7 +80,8 @@ fn visible_by_depth(splats: &[Splat], view: &PinholeView) -> Vec<Footprint> {
 }
 
 /// Offsets per Gaussian and the tiles that each Gaussian touches.
-fn tiles_of_each(footprints: &[Footprint], view: &PinholeView, grid: TileGrid) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Vec<u32>, Vec<u32>) {
+    let grid = TileGrid::of(view);
     let pieces: Vec<(Vec<u32>, Vec<u32>)> = footprints
         .par_chunks(CHUNK)
         .map(|chunk| {
@@ -111,7 +111,7 @@ fn tiles_of_each(footprints: &[Footprint], view: &PinholeView, grid: TileGrid) -
 }
 
 /// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
-fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
+pub(super) fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
     let Some((y0, y1)) = pixel_span(f.mean_y - f.extent_y, f.mean_y + f.extent_y, view.height) else { return };
     let (first, last) = (y0 / TILE_HEIGHT, y1 / TILE_HEIGHT);
     for row in first..=last {
@@ -139,6 +139,11 @@ impl Footprint {
             Some((first, last)) => first..last + 1,
             None => 0..0,
         }
+    }
+
+    /// Whether this one stands in front of another in the order of compositing.
+    pub(super) fn is_before(&self, other: &Self) -> bool {
+        (self.depth, self.index) < (other.depth, other.index)
     }
 
     /// The outermost x of the ellipse between the heights `top` and `bottom`, to the right (`side` 1) or left (-1).

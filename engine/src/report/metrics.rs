@@ -4,7 +4,8 @@ use serde::{Serialize, Serializer};
 
 use crate::{
     evaluate::ViewFigures,
-    pipeline::{GaussianCounts, StageTimes},
+    pipeline::{GaussianCounts, NetworkSummary, StageTimes},
+    refine::adam::AdamSummary,
     views::Role,
 };
 
@@ -21,7 +22,7 @@ pub struct Metrics {
     pub clip: String,
     /// Everything that was asked for and changes the result.
     pub config: Config,
-    /// SHA-256 of the weights file; `None` without weights.
+    /// SHA-256 of the weights file; for seeded weights `random:` and the config file's; `None` without a network.
     pub weights: Option<String>,
     /// Threads that worked.
     pub threads: usize,
@@ -29,6 +30,12 @@ pub struct Metrics {
     pub seed: u64,
     /// How many Gaussians there were.
     pub gaussians: GaussianCounts,
+    /// What the network did and left out; `None`, and no key, without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub network: Option<NetworkSummary>,
+    /// What a per-scene optimisation did; `None`, and no key, without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub optimisation: Option<AdamSummary>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.
@@ -54,6 +61,22 @@ pub struct Config {
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
     pub background: String,
+    /// Who refined: `learned` or `adam:N`; `None` for nobody.
+    pub refine_with: Option<String>,
+    /// Steps of the learned refinement; `None` without a network.
+    pub refine_steps: Option<usize>,
+    /// Views that a step of the per-scene optimisation looked at; `None` for all.
+    pub adam_views: Option<usize>,
+    /// Whether the Cross-Time Point Query was asked for; `None` without a network.
+    pub query: Option<bool>,
+    /// Who pruned and added; `None` without a network.
+    pub density: Option<String>,
+    /// Score above which a primitive was pruned; `None` without a network.
+    pub theta_prune: Option<f32>,
+    /// Score above which a primitive got a copy; `None` without a network.
+    pub theta_add: Option<f32>,
+    /// Largest number of `LiDAR` Gaussians; `None` for no limit.
+    pub max_gaussians: Option<usize>,
     /// Which views were rendered.
     pub views: String,
     /// Moment of every rendered view, seconds since time zero; `None` for each view's own.

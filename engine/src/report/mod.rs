@@ -7,4 +7,4 @@ mod pictures;
 
 pub use html::{Page, PageView, html};
 pub use metrics::{Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name};
-pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind};
+pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind, ScoreKind};

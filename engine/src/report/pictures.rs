@@ -3,7 +3,7 @@
 use image::{ImageError, ImageFormat, codecs::jpeg::JpegEncoder, imageops};
 use lgs_formats::image::{PixelLabel, RgbImage, to_byte};
 
-use super::colour_maps::{INFERNO, VIRIDIS};
+use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
 use crate::{render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.
@@ -13,6 +13,12 @@ pub const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
 /// Grey of pixels that take no part in the figures.
 const IGNORED: [u8; 3] = [70, 70, 70];
 const JPEG_QUALITY: u8 = 88;
+/// Colours of scores from 0 to 1: none of them is grey, as what lies below is.
+pub(super) const SCORE_COLOURS: ColourMap = VIRIDIS;
+/// How opaque scores lie on what was drawn.
+const SCORE_OPACITY: f32 = 0.7;
+/// Brightness of what was drawn below scores.
+const UNDER_SCORES: f32 = 0.8;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +31,10 @@ pub enum PictureKind {
     Error,
     /// The expected depth of what was drawn.
     Depth,
+    /// The policy's scores of pruning.
+    Prune,
+    /// The policy's scores of adding.
+    Add,
 }
 
 impl PictureKind {
@@ -35,8 +45,19 @@ impl PictureKind {
             Self::Render => "render",
             Self::Error => "error",
             Self::Depth => "depth",
+            Self::Prune => "prune",
+            Self::Add => "add",
         }
     }
+}
+
+/// One of a policy's two scores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScoreKind {
+    /// Of pruning.
+    Prune,
+    /// Of adding.
+    Add,
 }
 
 /// A picture of 8 bits a channel.
@@ -93,6 +114,28 @@ impl Picture {
         })
     }
 
+    /// Scores as colours over what was drawn, which is grey: the mean score of the Gaussians that are seen there, as opaque as
+    /// they are.
+    ///
+    /// # Shapes
+    /// `scores`: prune, add and 1 for the colours of scored Gaussians, black for the others.
+    pub fn of_score(kind: ScoreKind, rendered: &Rendered, scores: &Rendered) -> Self {
+        let (picture, channel) = match kind {
+            ScoreKind::Prune => (PictureKind::Prune, 0),
+            ScoreKind::Add => (PictureKind::Add, 1),
+        };
+        Self::new(picture, rendered.width, rendered.height, |i| {
+            let weight = scores.rgb[3 * i + 2];
+            let grey = UNDER_SCORES * luminance(&rendered.rgb[3 * i..3 * i + 3]);
+            if weight <= 0.0 {
+                return [to_byte(grey); 3];
+            }
+            let colour = SCORE_COLOURS.colour(scores.rgb[3 * i + channel] / weight);
+            let opacity = SCORE_OPACITY * weight.min(1.0);
+            colour.map(|c| to_byte(opacity * f32::from(c) / 255.0 + (1.0 - opacity) * grey))
+        })
+    }
+
     /// Width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.pixels.width(), self.pixels.height()]
@@ -127,6 +170,11 @@ impl Picture {
     }
 }
 
+/// Relative luminance (Rec. 709 weights).
+fn luminance(rgb: &[f32]) -> f32 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+}
+
 /// A side of an image in memory, pixels; far below the type's limit.
 fn side(length: usize) -> u32 {
     u32::try_from(length).unwrap_or(u32::MAX)
@@ -151,6 +199,23 @@ mod tests {
         let expected = VIRIDIS.colour((200.0_f32 / 10.0).ln() / (200.0_f32 / 2.0).ln());
         assert_eq!(far.pixels.get_pixel(1, 0).0, expected);
         assert!(near.pixels.get_pixel(1, 0).0[1] > expected[1]);
+    }
+
+    #[test]
+    fn scores_are_means_of_what_is_seen_and_grey_lies_where_there_are_none() {
+        let mut scores = rendered();
+        scores.rgb = vec![0.0, 0.0, 0.0, 0.1, 0.4, 0.5];
+        let of = |kind| Picture::of_score(kind, &rendered(), &scores);
+        let (prune, add) = (of(ScoreKind::Prune), of(ScoreKind::Add));
+        assert_eq!((prune.kind, add.kind), (PictureKind::Prune, PictureKind::Add));
+        assert_eq!(prune.pixels.get_pixel(0, 0).0, [0; 3]);
+        let over_grey = |value: f32| {
+            let grey = UNDER_SCORES * 0.5;
+            let opacity = SCORE_OPACITY * 0.5;
+            VIRIDIS.colour(value).map(|c| to_byte(opacity * f32::from(c) / 255.0 + (1.0 - opacity) * grey))
+        };
+        assert_eq!(prune.pixels.get_pixel(1, 0).0, over_grey(0.2));
+        assert_eq!(add.pixels.get_pixel(1, 0).0, over_grey(0.8));
     }
 
     #[test]

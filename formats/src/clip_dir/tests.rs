@@ -270,7 +270,7 @@ fn files_that_are_not_as_declared_are_named() {
             |f| {
                 write_png(&f.path("images/0_right.png"), &RgbImage { width: 1, height: 2, data: vec![0.0; 6] }).unwrap()
             },
-            "0_right.png: image size: expected width 8 and height 6 as clip.json declares, found width 1 and height 2",
+            "0_right.png: image size: expected width 8 and height 6 as declared, found width 1 and height 2",
         ),
         (
             |f| {

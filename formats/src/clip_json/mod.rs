@@ -91,6 +91,14 @@ pub(crate) fn to_text(file: &Path, clip: &Clip) -> Result<Vec<u8>> {
     Ok(text)
 }
 
+/// The clip, when [`parse`] would take it; `file` is what errors name.
+///
+/// # Errors
+/// Values out of range, each by its field.
+pub(crate) fn checked(file: &Path, clip: &Clip) -> Result<Clip> {
+    Checker::new(file).clip(mirror(clip))
+}
+
 /// The error of another format's `clip.json`, whose keys need not be looked at.
 fn wrong_format(file: &Path, text: &[u8]) -> Option<FormatError> {
     #[derive(Deserialize)]
@@ -105,7 +113,12 @@ fn format_error(file: &Path, found: &str) -> FormatError {
     FormatError::invalid(file, "format", format!("`{CLIP_FORMAT}`"), format!("`{found}`"))
 }
 
-fn syntax_error(file: &Path, text: &[u8], error: &serde_path_to_error::Error<serde_json::Error>) -> FormatError {
+/// The error of a JSON parser with the path of the field and its line.
+pub(crate) fn syntax_error(
+    file: &Path,
+    text: &[u8],
+    error: &serde_path_to_error::Error<serde_json::Error>,
+) -> FormatError {
     let path = error.path().to_string();
     line_error(file, text, if path == "." { "top level" } else { &path }, error.inner())
 }

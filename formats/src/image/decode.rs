@@ -23,11 +23,15 @@ const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
 /// Nothing, when the header of the file says the declared size.
 pub(super) fn check_size(path: &Path, camera: &Camera) -> Result<()> {
+    compare_size(path, dimensions(path)?, camera)
+}
+
+/// Width and height that the header of a PNG or JPEG file says.
+pub(super) fn dimensions(path: &Path) -> Result<(u32, u32)> {
     file_size(path, MAX_DATA_BYTES)?;
     let file = File::open(path).map_err(|e| FormatError::io(path, "read", e))?;
     let (reader, _) = reader(path, BufReader::new(file))?;
-    let size = reader.into_dimensions().map_err(|e| damaged(path, &e))?;
-    compare_size(path, size, camera)
+    reader.into_dimensions().map_err(|e| damaged(path, &e))
 }
 
 /// `[H, W, 3]` bytes of a PNG or JPEG file of the declared size; alpha is dropped, grey is spread.
@@ -79,7 +83,7 @@ fn compare_size(path: &Path, (width, height): (u32, u32), camera: &Camera) -> Re
     if (width, height) == (camera.width, camera.height) {
         return Ok(());
     }
-    let expected = format!("width {} and height {} as clip.json declares", camera.width, camera.height);
+    let expected = format!("width {} and height {} as declared", camera.width, camera.height);
     Err(FormatError::invalid(path, "image size", expected, format!("width {width} and height {height}")))
 }
 

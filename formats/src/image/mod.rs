@@ -114,6 +114,22 @@ pub fn check_size(path: &Path, camera: &Camera) -> Result<()> {
     decode::check_size(path, camera)
 }
 
+/// Width and height that the header of a PNG or JPEG file says, pixels.
+///
+/// # Errors
+/// A file that is no PNG or JPEG image.
+pub(crate) fn dimensions(path: &Path) -> Result<[u32; 2]> {
+    decode::dimensions(path).map(|(width, height)| [width, height])
+}
+
+/// Nothing, when the image of a record can be decoded whole.
+///
+/// # Errors
+/// An image that is missing, damaged or of another size than declared.
+pub(crate) fn check_whole(root: &Path, record: &CameraRecord) -> Result<()> {
+    decode::rgb8(&root.join(&record.file), &record.camera).map(drop)
+}
+
 /// The image of a record, rectified to the pinhole of the same intrinsics, then resized to `size` if given.
 ///
 /// Values are the encoded ones (no gamma is undone). Downward, a pixel is the mean of the area that it covers;

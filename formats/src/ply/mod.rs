@@ -28,7 +28,8 @@ mod tests;
 mod write;
 
 pub use read::read_ply;
-pub use write::write_ply;
+pub(crate) use write::{check_lengths, encode};
+pub use write::{write_plain_ply, write_ply};
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMAL: [&str; 3] = ["nx", "ny", "nz"];

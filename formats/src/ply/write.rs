@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{fixed_names, header::MAX_HEADER_BYTES, is_extra};
+use super::{COLOUR, NORMAL, OPACITY, POSITION, ROTATION, SCALE, fixed_names, header::MAX_HEADER_BYTES, is_extra};
 use crate::{
     cloud::SplatCloud,
     error::{FormatError, Result},
@@ -18,25 +18,50 @@ pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
     write_atomic(path, &to_bytes(path, cloud)?)
 }
 
+/// Nothing: writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times or further
+/// columns.
+///
+/// # Errors
+/// Those of [`write_ply`].
+pub fn write_plain_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
+    check_lengths(path, cloud)?;
+    let names: Vec<&str> =
+        [&POSITION[..], &NORMAL, &COLOUR, &[OPACITY], &SCALE, &ROTATION].into_iter().flatten().copied().collect();
+    let width = names.len();
+    let bytes = encode(path, &names, cloud.len(), |index| record(cloud, index).into_iter().take(width))?;
+    write_atomic(path, &bytes)
+}
+
 /// The bytes of the file; `path` is what errors name.
 pub(super) fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
     check_lengths(path, cloud)?;
     check_extra_names(path, cloud)?;
     let extra_names = cloud.extra.iter().map(|(name, _)| name.as_str());
     let names: Vec<&str> = fixed_names().map(|name| -> &str { name }).chain(extra_names).collect();
-    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", cloud.len()).into_bytes();
-    for name in &names {
+    encode(path, &names, cloud.len(), |index| {
+        record(cloud, index).into_iter().chain(cloud.extra.iter().map(move |(_, column)| column[index]))
+    })
+}
+
+/// The bytes of a file of `count` records, whose values stand in the order of `names`.
+pub(crate) fn encode<V: Iterator<Item = f32>>(
+    path: &Path,
+    names: &[&str],
+    count: usize,
+    record: impl Fn(usize) -> V,
+) -> Result<Vec<u8>> {
+    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n").into_bytes();
+    for name in names {
         bytes.extend_from_slice(format!("property float {name}\n").as_bytes());
     }
     bytes.extend_from_slice(b"end_header\n");
     if bytes.len() > MAX_HEADER_BYTES {
-        let found = format!("{} of {} bytes", cloud.extra.len(), bytes.len());
+        let found = format!("{} of {} bytes", names.len(), bytes.len());
         return Err(FormatError::invalid(path, "extra", format!("names of {MAX_HEADER_BYTES} bytes in all"), found));
     }
-    bytes.reserve_exact(cloud.len() * names.len() * size_of::<f32>());
-    for index in 0..cloud.len() {
-        let values = record(cloud, index).into_iter().chain(cloud.extra.iter().map(|(_, column)| column[index]));
-        for (name, value) in names.iter().zip(values) {
+    bytes.reserve_exact(count * names.len() * size_of::<f32>());
+    for index in 0..count {
+        for (name, value) in names.iter().zip(record(index)) {
             if !value.is_finite() {
                 let field = format!("vertex {index} {name}");
                 return Err(FormatError::invalid(path, field, "a finite f32", value.to_string()));
@@ -56,7 +81,7 @@ fn record(cloud: &SplatCloud, index: usize) -> [f32; 21] {
     [x, y, z, 0.0, 0.0, 0.0, r, g, b, opacity, sx, sy, sz, w, i, j, k, vx, vy, vz, t]
 }
 
-fn check_lengths(path: &Path, cloud: &SplatCloud) -> Result<()> {
+pub(crate) fn check_lengths(path: &Path, cloud: &SplatCloud) -> Result<()> {
     let fixed = [
         ("log_scales", cloud.log_scales.len()),
         ("quats", cloud.quats.len()),

@@ -5,7 +5,7 @@ use lgs_tests::{Outcome, case, clips};
 use libtest_mimic::Trial;
 
 /// Flags that must be refused, and what the message must hold.
-const REFUSED: [(&str, &[&str], &[&str]); 12] = [
+const REFUSED: [(&str, &[&str], &[&str]); 23] = [
     ("unknown_flag", &["--no-such-flag"], &["--no-such-flag"]),
     ("unknown_camera", &["--cameras", "rear_window"], &["--cameras", "rear_window"]),
     ("hold_out_beyond_the_clip", &["--hold-out", "999"], &["--hold-out", "999"]),
@@ -17,6 +17,17 @@ const REFUSED: [(&str, &[&str], &[&str]); 12] = [
     ("size_without_limit", &["--image-size", "4000000000x4000000000"], &["--image-size", "4000000000x4000000000"]),
     ("no_threads", &["--threads", "0"], &["--threads", "0"]),
     ("unknown_background", &["--background", "green"], &["--background", "green"]),
+    ("unknown_density", &["--density", "half"], &["--density", "half"]),
+    ("threshold_over_one", &["--theta-prune", "1.5"], &["--theta-prune", "1.5"]),
+    ("threshold_that_is_no_number", &["--theta-add", "NaN"], &["--theta-add", "NaN"]),
+    ("negative_budget", &["--max-gaussians", "-1"], &["-1"]),
+    ("budget_without_a_network", &["--max-gaussians", "10"], &["--max-gaussians", "--weights"]),
+    ("steps_without_end", &["--refine-steps", "1000000"], &["--refine-steps", "1000000"]),
+    ("learned_steps_of_adam", &["--refine-with", "adam:3", "--refine-steps", "3"], &["--refine-steps", "adam"]),
+    ("views_of_learned_steps", &["--adam-views", "3"], &["--adam-views", "learned"]),
+    ("unknown_refiner", &["--refine-with", "sgd:3"], &["--refine-with", "sgd:3"]),
+    ("spacetime_of_one_moment", &["--stg", "--frames", "0", "--cameras", "front"], &["--stg", "one moment"]),
+    ("sequence_at_no_rate", &["--sequence", "0"], &["--sequence", "0"]),
     ("missing_lpips_weights", &["--lpips-weights", "nowhere.safetensors"], &["nowhere.safetensors"]),
 ];
 
@@ -52,6 +63,15 @@ fn help_and_version() -> Outcome {
     let promised = [
         "--out",
         "--weights",
+        "--describe",
+        "--refine-steps",
+        "--refine-with",
+        "--adam-views",
+        "--query",
+        "--density",
+        "--theta-prune",
+        "--theta-add",
+        "--max-gaussians",
         "--cameras",
         "--image-size",
         "--frames",

@@ -37,7 +37,7 @@ fn infer(clip: &Path, out: &Path, flags: &[&str]) -> Result<String, libtest_mimi
 }
 
 /// Every file under a directory, relative to it, sorted.
-fn files(root: &Path) -> Result<Vec<PathBuf>, String> {
+pub(super) fn files(root: &Path) -> Result<Vec<PathBuf>, String> {
     lgs_tests::sources::all_files(root).map(|mut files| {
         files.sort();
         files
@@ -113,7 +113,7 @@ fn same_bytes_for_any_number_of_threads() -> Outcome {
 }
 
 /// Fails unless two output directories hold the same bytes, but for times, memory and the number of threads.
-fn same_results(one: &Path, two: &Path) -> Outcome {
+pub(super) fn same_results(one: &Path, two: &Path) -> Outcome {
     let names = files(one)?;
     if names != files(two)? {
         return Err(format!("different files: {names:?}, {:?}", files(two)?).into());

@@ -1,16 +1,36 @@
 //! The command line as a process.
 
+mod adam;
+mod densify;
+mod describe;
 mod flags;
 mod hostile_clips;
 mod infer;
+mod network;
 mod real_clips;
 mod scenes;
+mod shipped;
+mod untrained;
+mod weights;
 
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    [infer::cases(), flags::cases(), hostile_clips::cases(), real_clips::cases(), scenes::cases()]
-        .into_iter()
-        .flatten()
-        .collect()
+    [
+        infer::cases(),
+        adam::cases(),
+        shipped::cases(),
+        flags::cases(),
+        hostile_clips::cases(),
+        real_clips::cases(),
+        scenes::cases(),
+        densify::cases(),
+        describe::cases(),
+        network::cases(),
+        untrained::cases(),
+        weights::cases(),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }

@@ -1,8 +1,16 @@
 //! `lgs-infer` on the real clips, where they are.
 
+use std::path::Path;
+
 use lgs_tests::process::{binary, run};
 use lgs_tests::{Needed, Outcome, case_if, metrics, places};
-use libtest_mimic::Trial;
+use libtest_mimic::{Failed, Trial};
+use serde_json::Value;
+
+use super::infer::same_results;
+
+/// Largest resident memory of a run with the full network, 10^6 bytes.
+const MAX_MEMORY_MB: f64 = 8_000.0;
 
 /// A run on a real clip and what it must reach.
 struct RealRun {
@@ -22,21 +30,44 @@ const RUNS: [RealRun; 2] = [
 ];
 
 pub(crate) fn cases() -> Vec<Trial> {
-    let case_of = |run: &'static RealRun| {
+    let cases_of = |run: &'static RealRun| {
         let needed = Needed::path(&places::shared().join("clips").join(run.clip), "the real clips");
-        case_if(&needed, format!("cli::real_clips::{}", run.clip), || beats_a_crude_start(run))
+        [
+            case_if(&needed, format!("cli::real_clips::{}", run.clip), || beats_a_crude_start(run)),
+            case_if(&needed, format!("cli::real_clips::{}::full_network", run.clip), || runs_the_full_network(run)),
+        ]
     };
-    RUNS.iter().map(case_of).collect()
+    RUNS.iter().flat_map(cases_of).collect()
+}
+
+/// Runs with flags before those of the clip and returns the output directory's page.
+fn infer(real: &RealRun, out: &Path, flags: &[&str]) -> Result<Value, Failed> {
+    let clip = places::shared().join("clips").join(real.clip);
+    let mut arguments = vec![clip.as_os_str(), "--out".as_ref(), out.as_os_str()];
+    arguments.extend(flags.iter().chain(real.flags).map(|flag| flag.as_ref() as &std::ffi::OsStr));
+    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
+    Ok(metrics::read(out)?)
+}
+
+/// Seeded weights of the paper's size: the same bytes with one thread and with two, in bounded memory.
+fn runs_the_full_network(real: &RealRun) -> Outcome {
+    let place = tempfile::tempdir()?;
+    let out = |threads: &str| place.path().join(threads);
+    for threads in ["1", "2"] {
+        let flags = ["--weights", "random:models/full.json", "--views", "none", "--threads", threads];
+        let page = infer(real, &out(threads), &flags)?;
+        metrics::expect_network_keys(&page)?;
+        let memory = page["peak_rss_mb"].as_f64().unwrap_or(0.0);
+        if memory > MAX_MEMORY_MB {
+            return Err(format!("peak memory {memory} MB, at most {MAX_MEMORY_MB}").into());
+        }
+    }
+    same_results(&out("1"), &out("2"))
 }
 
 fn beats_a_crude_start(real: &RealRun) -> Outcome {
     let place = tempfile::tempdir()?;
-    let (clip, out) = (places::shared().join("clips").join(real.clip), place.path().join("out"));
-    let mut arguments =
-        vec![clip.as_os_str(), "--out".as_ref(), out.as_os_str(), "--weights".as_ref(), "none".as_ref()];
-    arguments.extend(real.flags.iter().map(|flag| flag.as_ref() as &std::ffi::OsStr));
-    run(&binary("lgs-infer")?, &arguments, place.path())?.expect_success()?;
-    let page = metrics::read(&out)?;
+    let page = infer(real, &place.path().join("out"), &["--weights", "none"])?;
     metrics::expect_promised_keys(&page)?;
     let psnr = metrics::number(&page, &["mean", "held_out", "psnr"])?;
     if psnr > real.floor { Ok(()) } else { Err(format!("held-out PSNR {psnr} dB, want over {}", real.floor).into()) }

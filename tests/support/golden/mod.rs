@@ -1,5 +1,6 @@
 //! Goldens: values that other implementations computed, with their inputs.
 
+pub mod ptv3;
 pub mod render;
 pub mod tensors;
 
@@ -18,13 +19,13 @@ pub struct GoldenFile {
 }
 
 /// The golden files of a kind with an extension, the shipped ones first, each group by name. Files that start with
-/// `bench_` hold inputs to time and no values.
+/// `bench_` hold inputs to time and no values. `$LGS_GOLDEN_DIR` need not have every kind.
 ///
 /// # Errors
 /// A directory that ought to be there cannot be read.
 pub fn files(kind: &str, extension: &str) -> Result<Vec<GoldenFile>, String> {
     let shipped = (format!("golden::{kind}::"), places::shipped_goldens(kind));
-    let given = places::given_goldens(kind).map(|dir| (format!("golden::{kind}::given::"), dir));
+    let given = given(kind)?.map(|dir| (format!("golden::{kind}::given::"), dir));
     let mut all = Vec::new();
     for (prefix, directory) in [Some(shipped), given].into_iter().flatten() {
         let entries = fs::read_dir(&directory).map_err(|e| format!("{}: {e}", directory.display()))?;
@@ -38,4 +39,13 @@ pub fn files(kind: &str, extension: &str) -> Result<Vec<GoldenFile>, String> {
         }
     }
     Ok(all)
+}
+
+/// The directory of a kind in `$LGS_GOLDEN_DIR`; `None` where that has none of the kind.
+fn given(kind: &str) -> Result<Option<PathBuf>, String> {
+    let Some(directory) = places::given_goldens(kind) else { return Ok(None) };
+    match directory.parent() {
+        Some(root) if !root.is_dir() => Err(format!("LGS_GOLDEN_DIR: expected a directory, found {}", root.display())),
+        _ => Ok(directory.is_dir().then_some(directory)),
+    }
 }

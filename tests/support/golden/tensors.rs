@@ -54,10 +54,37 @@ impl TensorFile {
             Dtype::F64 => words(bytes).map(f64::from_le_bytes).collect(),
             Dtype::F32 => words(bytes).map(|w| f64::from(f32::from_le_bytes(w))).collect(),
             Dtype::I32 => words(bytes).map(|w| f64::from(i32::from_le_bytes(w))).collect(),
+            Dtype::I64 => words(bytes).map(|w| i64::from_le_bytes(w) as f64).collect(),
             Dtype::U8 => bytes.iter().map(|&b| f64::from(b)).collect(),
             other => return Err(format!("{}: {name}: unexpected type {other:?}", self.path.display())),
         };
         Ok(Values { shape: view.shape().to_vec(), data })
+    }
+
+    /// A text of the file's metadata.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    pub fn metadata(&self, key: &str) -> Result<String, String> {
+        let fault = |what: String| format!("{}: __metadata__.{key}: {what}", self.path.display());
+        let (_, header) = SafeTensors::read_metadata(&self.bytes).map_err(|e| fault(e.to_string()))?;
+        let found = header.metadata().as_ref().and_then(|texts| texts.get(key).cloned());
+        found.ok_or_else(|| fault("missing".to_owned()))
+    }
+
+    /// The values of a tensor of whole numbers, of which f64 would round the large ones.
+    ///
+    /// # Errors
+    /// It is missing or of another type.
+    pub fn integers(&self, name: &str) -> Result<Vec<i64>, String> {
+        let fault = |what: String| format!("{}: {name}: {what}", self.path.display());
+        let parsed = self.parsed()?;
+        let view = parsed.tensor(name).map_err(|e| fault(e.to_string()))?;
+        match view.dtype() {
+            Dtype::I64 => Ok(words(view.data()).map(i64::from_le_bytes).collect()),
+            Dtype::I32 => Ok(words(view.data()).map(|w| i64::from(i32::from_le_bytes(w))).collect()),
+            other => Err(fault(format!("unexpected type {other:?}"))),
+        }
     }
 
     /// The rows of a tensor whose last dimension is `N`; a tensor of one dimension has rows of one.

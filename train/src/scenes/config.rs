@@ -6,6 +6,9 @@ use super::{
 };
 use crate::error::Result;
 
+/// Distance after which the built-up part of the street comes to its end (metres).
+pub const MAX_EGO_DISTANCE: f64 = 150.0;
+
 /// The sets that scenes belong to; no two share a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
@@ -67,7 +70,7 @@ pub struct StreetSpec {
 /// Who moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrafficSpec {
-    /// Speed of the vehicle that carries the sensors, m/s, 0..=20.
+    /// Speed of the vehicle that carries the sensors, m/s, 0..=20; it drives 150 m in a clip at most.
     pub ego_speed: f64,
     /// Moving cars, 0..=30; fewer where no gap is left for one.
     pub num_cars: usize,
@@ -155,6 +158,8 @@ impl SceneConfig {
         check("street.texture_scale", street.texture_scale, Range(0.3, 4.0))?;
         let traffic = &self.traffic;
         check("traffic.ego_speed", traffic.ego_speed, Range(0.0, 20.0))?;
+        let distance = traffic.ego_speed * self.frame_time(self.num_frames);
+        check("traffic.ego_speed times duration_s", distance, Range(0.0, MAX_EGO_DISTANCE + 1e-6))?;
         check("traffic.num_cars", traffic.num_cars as f64, Range(0.0, 30.0))?;
         check("traffic.speeds[0]", traffic.speeds[0], Range(0.0, 20.0))?;
         check("traffic.speeds[1]", traffic.speeds[1], Range(traffic.speeds[0], 20.0))?;

@@ -113,10 +113,3 @@ impl Scanner<'_> {
         })
     }
 }
-
-/// The points in camera coordinates: x right, y down, z forward.
-#[cfg(test)]
-pub(crate) fn in_camera(points: &[[f32; 3]], camera_from_lidar: &Pose) -> Vec<Vec3> {
-    let (rotation, shift) = (narrow_mat(camera_from_lidar.rotation()), narrow3(camera_from_lidar.translation()));
-    points.iter().map(|&p| rotation * Vec3::from_array(p) + shift).collect()
-}

@@ -5,8 +5,8 @@
 //! writes to its own slots: a configuration gives the same bytes everywhere.
 
 mod check;
-mod dice;
-mod maths;
+pub(crate) mod dice;
+pub(crate) mod maths;
 mod texture;
 
 pub mod config;

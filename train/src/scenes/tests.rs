@@ -6,7 +6,6 @@ use lgs_formats::{clip::TrackedBox, clip_dir::ClipDir, image::PixelLabel, sweep:
 use super::{
     config::{Origin, SceneConfig},
     export::{self, Export, ImageFormat},
-    lidar::in_camera,
     presets,
     scene::Scene,
 };
@@ -68,7 +67,11 @@ fn lidar_points_lie_on_what_cameras_see() {
         let (width, height) = (capture.rgb.width, capture.rgb.height);
         let f = camera.intrinsics;
         let mut errors = Vec::new();
-        for p in in_camera(&points, &camera_from_lidar).iter().map(|p| p.as_dvec3()).filter(|p| p.z > 0.5) {
+        for p in points
+            .iter()
+            .map(|&p| camera_from_lidar.transform_point(Vec3::from_array(p).as_dvec3()))
+            .filter(|p| p.z > 0.5)
+        {
             let (x, y) = (f.fx * p.x / p.z + f.cx, f.fy * p.y / p.z + f.cy);
             if x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64 {
                 let pixel = super::maths::count(y) * width + super::maths::count(x);

@@ -18,6 +18,9 @@ const GAP: f64 = 3.5;
 /// Half of the length that the vehicle with the sensors takes up (metres).
 const EGO_HALF_LENGTH: f64 = 2.4;
 
+/// Fastest speed that accelerating cars reach, m/s.
+const TOP_SPEED: f64 = 20.0;
+
 /// All traffic of a street.
 #[derive(Debug)]
 pub(crate) struct Traffic {
@@ -65,6 +68,12 @@ fn keep_apart(config: &SceneConfig, road: &Road, a: (&Motion, f64), b: (&Motion,
     })
 }
 
+/// The motion without its acceleration where that would turn it round or make it race before `end` (seconds).
+fn steady(motion: Motion, end: f64) -> Motion {
+    let last = (motion.speed + motion.acceleration * end) * motion.speed.signum();
+    if (0.0..=TOP_SPEED).contains(&last) { motion } else { Motion { acceleration: 0.0, ..motion } }
+}
+
 fn drive(
     config: &SceneConfig,
     road: &Road,
@@ -92,6 +101,7 @@ fn drive(
                 heading: if oncoming { PI } else { 0.0 },
                 height: 0.0,
             };
+            let motion = steady(motion, config.frame_time(config.num_frames));
             let same_lane = |d: f64| (d - motion.d).abs() < 0.7 * road.lane_width;
             let others = objects.iter().map(|other| (&other.motion, other.model.size.x));
             let clear = others
@@ -152,6 +162,16 @@ fn park(config: &SceneConfig, road: &Road, crossings: &[f64], palette: &mut Pale
 mod tests {
     use super::*;
     use crate::scenes::presets;
+
+    #[test]
+    fn nobody_turns_round() {
+        let braking = Motion { speed: 4.0, acceleration: -0.5, ..Motion::still(0.0, 0.0, 0.0, 0.0) };
+        assert_eq!(steady(braking, 5.0), braking);
+        assert_eq!(steady(braking, 15.0).acceleration, 0.0);
+        let oncoming = Motion { speed: -4.0, acceleration: -0.5, ..braking };
+        assert_eq!(steady(oncoming, 15.0), oncoming);
+        assert_eq!(steady(oncoming, 40.0).acceleration, 0.0);
+    }
 
     #[test]
     fn nobody_collides_and_somebody_moves() {

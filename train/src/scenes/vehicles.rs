@@ -185,23 +185,22 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
     Model { category: "pedestrian", size: DVec3::new(0.8, 0.6, height), parts }
 }
 
-/// Whether all corners of every part's bounds lie in the model's box, with `slack` metres to spare.
-#[cfg(test)]
-pub(crate) fn fits_its_box(model: &Model, slack: f64) -> bool {
-    use super::maths::narrow_mat;
-    model.parts.iter().all(|part| {
-        let reach = part.shape.reach(&narrow_mat(part.rotation)).as_dvec3();
-        let over = part.position.abs() + reach - 0.5 * DVec3::new(model.size.x, model.size.y, f64::INFINITY);
-        over.x <= slack
-            && over.y <= slack
-            && part.position.z - reach.z >= -slack
-            && part.position.z + reach.z <= model.size.z + slack
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenes::maths::narrow_mat;
+
+    /// Whether every part's bounds lie in the model's box, with `slack` metres to spare.
+    fn fits_its_box(model: &Model, slack: f64) -> bool {
+        model.parts.iter().all(|part| {
+            let reach = part.shape.reach(&narrow_mat(part.rotation)).as_dvec3();
+            let over = part.position.abs() + reach - 0.5 * model.size;
+            over.x <= slack
+                && over.y <= slack
+                && part.position.z - reach.z >= -slack
+                && part.position.z + reach.z <= model.size.z + slack
+        })
+    }
 
     #[test]
     fn models_fit_their_boxes() {

@@ -8,10 +8,15 @@ use std::{
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     pipeline::{Figures, RenderedView},
-    report::{PageView, Picture, PictureKind},
+    report::{PageView, Picture, PictureKind, ScoreKind},
     views::View,
 };
-use lgs_formats::{cloud::SplatCloud, ply::write_ply, write::write_atomic};
+use lgs_formats::{
+    cloud::SplatCloud,
+    exports::{write_sequence, write_spz, write_stg},
+    ply::{write_plain_ply, write_ply},
+    write::write_atomic,
+};
 use sha2::{Digest, Sha256};
 
 /// Widest picture in the report, pixels, as long as there are few.
@@ -32,8 +37,8 @@ pub(crate) struct ViewPictures {
 
 /// The pictures of a rendered view, of which at most `max_width` pixels go into the report.
 pub(crate) fn pictures_of(drawn: RenderedView<'_>, figures: Figures<'_>, max_width: u32) -> Result<ViewPictures> {
-    let RenderedView { view, rendered, .. } = drawn;
-    let pictures = match figures {
+    let RenderedView { view, rendered, scores, .. } = drawn;
+    let mut pictures = match figures {
         Figures::OfTruth { .. } => vec![
             Picture::of_truth(&view.image),
             Picture::of_render(rendered),
@@ -42,6 +47,9 @@ pub(crate) fn pictures_of(drawn: RenderedView<'_>, figures: Figures<'_>, max_wid
         ],
         Figures::AtTime(_) => vec![Picture::of_render(rendered), Picture::of_depth(rendered)],
     };
+    if let Some(scores) = scores {
+        pictures.extend([ScoreKind::Prune, ScoreKind::Add].map(|kind| Picture::of_score(kind, rendered, scores)));
+    }
     let (mut files, mut embedded) = (Vec::new(), Vec::new());
     for picture in &pictures {
         let name = picture_name(view, picture.kind);
@@ -94,8 +102,50 @@ pub(crate) struct Output<'a> {
     pub(crate) views: &'a [ViewPictures],
     /// `report.html`.
     pub(crate) report: &'a str,
+    /// `viewer.html`, where it is wanted.
+    pub(crate) viewer: Option<&'a str>,
+    /// Files for other programs.
+    pub(crate) exports: Exports,
     /// `metrics.json`, written last: where it is new, the rest is.
     pub(crate) metrics: &'a str,
+}
+
+/// Which files for other programs are wanted, beside or instead of `scene.ply`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Exports {
+    /// `scene.ply` has the properties alone that every viewer knows.
+    pub(crate) plain: bool,
+    /// Moment of what holds one moment only, seconds.
+    pub(crate) moment: f32,
+    /// First and last moment of what holds all, seconds.
+    pub(crate) span: [f32; 2],
+    /// Files per second of `sequence/`.
+    pub(crate) sequence: Option<f32>,
+    /// `scene_stg.ply`.
+    pub(crate) stg: bool,
+    /// `scene.spz`.
+    pub(crate) spz: bool,
+}
+
+impl Exports {
+    fn write(&self, out: &Path, scene: &SplatCloud) -> Result<()> {
+        let ply = out.join("scene.ply");
+        if self.plain {
+            write_plain_ply(&ply, &scene.at(self.moment))?;
+        } else {
+            write_ply(&ply, scene)?;
+        }
+        if let Some(rate) = self.sequence {
+            write_sequence(&out.join("sequence"), scene, self.span, rate)?;
+        }
+        if self.stg {
+            write_stg(&out.join("scene_stg.ply"), scene, self.span)?;
+        }
+        if self.spz {
+            write_spz(&out.join("scene.spz"), &scene.at(self.moment))?;
+        }
+        Ok(())
+    }
 }
 
 impl Output<'_> {
@@ -110,8 +160,11 @@ impl Output<'_> {
         for (name, bytes) in self.views.iter().flat_map(|view| &view.files) {
             write_atomic(&views.join(name), bytes)?;
         }
-        write_ply(&out.join("scene.ply"), self.scene)?;
+        self.exports.write(out, self.scene)?;
         write_atomic(&out.join("report.html"), self.report.as_bytes())?;
+        if let Some(viewer) = self.viewer {
+            write_atomic(&out.join("viewer.html"), viewer.as_bytes())?;
+        }
         write_atomic(&out.join("metrics.json"), self.metrics.as_bytes())?;
         Ok(())
     }

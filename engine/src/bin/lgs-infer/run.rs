@@ -1,52 +1,92 @@
 //! A run: clip in, files out.
 
-use std::{path::Path, time::Instant};
+use std::{num::NonZeroUsize, path::Path, time::Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
+    densify::{DensityMap, Thresholds},
     evaluate::lpips::Lpips,
-    export::to_cloud,
+    export::{stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
-    pipeline::{Figures, HoldOut, Inputs, RenderedView, Stage, Watch, evaluate_views, reconstruct},
+    network::{
+        describe::describe,
+        source::{ModelSource, config_of},
+    },
+    pipeline::{
+        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, optimise, reconstruct,
+    },
+    refine::adam::AdamSettings,
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::{clip_dir::ClipDir, exports::num_files, importers, viewer};
 use sha2::{Digest, Sha256};
 
 use crate::{
-    args::{Args, ViewsArg, word},
-    output::{Output, ViewPictures, output_dir, pictures_of, report_width},
+    args::{Args, RefineWith, Switch, ViewsArg, word},
+    output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     progress::Bars,
     summary::summary,
 };
 
 /// Does what the command line asks for and returns what to print.
 pub(crate) fn run(args: &Args) -> Result<String> {
+    match (&args.describe, &args.clip_dir) {
+        (Some(file), _) => Ok(describe(&config_of(file)?)?),
+        (None, Some(clip)) => infer(args, clip),
+        (None, None) => bail!("CLIP_DIR: expected a clip directory, found nothing"),
+    }
+}
+
+/// Reconstructs a clip, writes the output and returns what to print.
+fn infer(args: &Args, clip: &Path) -> Result<String> {
     let start = Instant::now();
+    if args.max_gaussians.is_some() && args.weights == ModelSource::None {
+        bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
+    }
+    if let Some(contradiction) = args.contradiction() {
+        bail!(contradiction);
+    }
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
-    let dir = watch.time(Stage::Load, |_| ClipDir::open(&args.clip_dir))?;
+    let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let reconstruction = reconstruct(&inputs, args.background.mode(), &mut watch)?;
-    let scene = to_cloud(&reconstruction.scene)?;
-    let drawn = job.draw(&reconstruction.scene, &inputs, &mut watch)?;
+    let exports = exports(args, inputs.views())?;
+    let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
+    let network = model.as_ref().map(|loaded| NetworkSettings {
+        model: &loaded.model,
+        refine_steps: args.refine_steps(),
+        query: args.query == Switch::On,
+        density: args.density.density(),
+        thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
+        max_gaussians: args.max_gaussians,
+        seed: args.seed,
+    });
+    let mut reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
+    if let RefineWith::Adam(steps) = args.refine_with {
+        let settings = AdamSettings { views_per_step: args.adam_views, seed: args.seed, ..AdamSettings::default() };
+        optimise(&mut reconstruction, &inputs, settings, steps, &mut watch);
+    }
+    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
+    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
         format: METRICS_FORMAT,
         clip: dir.clip().name.clone(),
         config: job.config(&inputs),
-        weights: None,
+        weights: model.map(|loaded| loaded.digest),
         threads,
         seed: args.seed,
         gaussians: reconstruction.counts,
+        network: reconstruction.network,
+        optimisation: reconstruction.optimisation,
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -55,8 +95,25 @@ pub(crate) fn run(args: &Args) -> Result<String> {
     };
     let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
     let report = report(&metrics, &pictures, &dir);
-    Output { scene: &scene, views: &pictures, report: &report, metrics: &json }.write(&out)?;
+    let stops = || inputs.views().iter().map(stop).collect::<Vec<_>>();
+    let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
+    let viewer = viewer.as_deref();
+    Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
+}
+
+/// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.
+fn exports(args: &Args, views: &[View]) -> Result<Exports> {
+    let times = || views.iter().map(|view| view.pinhole.time);
+    let span = [times().reduce(f32::min), times().reduce(f32::max)].map(|moment| moment.unwrap_or(0.0));
+    let Args { plain, sequence, stg, spz, .. } = *args;
+    if stg && span[0] >= span[1] {
+        bail!("--stg: expected input images of more than one moment, found {} s only", span[0]);
+    }
+    if let Some(rate) = sequence {
+        num_files(span, rate).map_err(|expected| anyhow!("--sequence: expected {expected}, found {rate}"))?;
+    }
+    Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
 }
 
 /// The settings of a run, checked against its clip.
@@ -80,8 +137,7 @@ struct PerceptualDistance {
 impl<'a> Job<'a> {
     fn new(args: &'a Args, dir: &'a ClipDir) -> Result<Self> {
         let frames = args.frames.as_ref().map(|list| list.0.clone());
-        let rule = args.hold_out.as_ref().unwrap_or(&HoldOut::Nothing);
-        let hold_out = rule.indices(dir.clip().frames.len(), frames.as_deref())?;
+        let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
         let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
         let frames = selection.frames(dir.clip())?;
         let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
@@ -102,7 +158,7 @@ impl<'a> Job<'a> {
     /// images are read.
     fn draw(
         &self,
-        scene: &GaussianSet,
+        (scene, density): (&GaussianSet, Option<&DensityMap>),
         inputs: &Inputs<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<(ViewRecord, ViewPictures)>> {
@@ -122,7 +178,13 @@ impl<'a> Job<'a> {
             let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
             Ok((record, pictures_of(drawn, figures, width)?))
         };
-        evaluate_views(&to_physical(scene), &views, figures, watch, &keep)
+        let (scene, scores) = (to_physical(scene), density.map(DensityMap::splats));
+        evaluate_views(Drawing { scene: &scene, scores: scores.as_deref() }, &views, figures, watch, &keep)
+    }
+
+    /// Whether anybody refines.
+    fn refines(&self) -> bool {
+        self.args.weights != ModelSource::None || matches!(self.args.refine_with, RefineWith::Adam(_))
     }
 
     fn figures(&self) -> Figures<'_> {
@@ -145,6 +207,14 @@ impl<'a> Job<'a> {
             frames,
             hold_out: self.frames.held_out.clone(),
             background: word(&self.args.background),
+            refine_with: self.refines().then(|| self.args.refine_with.word()),
+            refine_steps: (self.args.weights != ModelSource::None).then(|| self.args.refine_steps()),
+            adam_views: self.args.adam_views.map(NonZeroUsize::get),
+            query: (self.args.weights != ModelSource::None).then_some(self.args.query == Switch::On),
+            density: (self.args.weights != ModelSource::None).then(|| word(&self.args.density)),
+            theta_prune: (self.args.weights != ModelSource::None).then_some(self.args.theta_prune),
+            theta_add: (self.args.weights != ModelSource::None).then_some(self.args.theta_add),
+            max_gaussians: self.args.max_gaussians.filter(|_| self.args.weights != ModelSource::None),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

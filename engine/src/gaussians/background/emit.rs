@@ -9,8 +9,6 @@ use crate::{
     views::{Projected, View},
 };
 
-/// A pixel needs a background when at least this share of it shows through.
-const SHOWS: f32 = 0.3;
 /// Standard deviation of a background Gaussian, pixels of its view.
 const SIGMA_PX: f32 = 0.4;
 /// Opacity of a background Gaussian.
@@ -30,7 +28,7 @@ pub(super) fn rows(
     let pinhole = &view.pinhole;
     let mut rows = Vec::new();
     for (pixel, (&inverse, &here)) in sheet.inverse_depths.iter().zip(&sheet.trust).enumerate() {
-        let open = here == trust && !is_ignored(view, pixel) && coverage.transmittance(pixel) >= SHOWS;
+        let open = here == trust && !is_ignored(view, pixel) && coverage.shows(pixel);
         if !open || inverse.is_nan() || inverse <= 0.0 {
             continue;
         }

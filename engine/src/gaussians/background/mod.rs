@@ -4,11 +4,15 @@ mod backstop;
 mod coverage;
 mod depth;
 mod emit;
+mod gaps;
 mod sky;
 
 use rayon::prelude::*;
 
-use self::{coverage::Coverage, depth::Trust};
+use self::{
+    coverage::{Coverage, Round},
+    depth::Trust,
+};
 use super::{GaussianSet, NUM_ATTRIBUTES};
 use crate::{
     points::PointCloud,
@@ -25,6 +29,8 @@ pub enum Mode {
     Off,
     /// A hemisphere far away, above the horizon.
     Sky,
+    /// Where the surfaces around a gap continue to: quicker than [`Mode::Depth`], and worse.
+    Gaps,
     /// Depth maps that the input images and sweeps agree on.
     Depth,
 }
@@ -40,19 +46,20 @@ struct Sheet {
 
 /// Nothing: appends Gaussians to `set` where its `LiDAR` branch leaves pixels of the input views uncovered.
 ///
-/// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view.
+/// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
 /// Pixels that an earlier Gaussian covers get no other. All of them are static but the own vehicle's, which moves with the
 /// sensors.
 pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud, mode: Mode) {
-    let inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
+    let inputs = from_the_middle(views);
     let radius = sky::radius(cloud);
     let sheets: Vec<Sheet> = match mode {
         Mode::Off => return,
         Mode::Sky => sky::sheets(&inputs, radius),
+        Mode::Gaps => gaps::sheets(&inputs, radius),
         Mode::Auto | Mode::Depth => depth::sheets(&inputs, cloud, radius),
     };
     add_pixels(set, &inputs, &sheets);
-    if mode == Mode::Sky {
+    if matches!(mode, Mode::Sky | Mode::Gaps) {
         return;
     }
     for k in 0..inputs.len() {
@@ -71,9 +78,10 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
 
 /// Nothing: appends one Gaussian for every uncovered pixel of a known depth.
 fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet]) {
+    let rounds = Round::of(&set.attributes);
     let covered = |view: &&View| {
         let mut coverage = Coverage::new(&view.pinhole);
-        coverage.add(&view.pinhole, &set.attributes);
+        coverage.add(&view.pinhole, &rounds);
         coverage
     };
     let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
@@ -81,7 +89,8 @@ fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet]) {
         for k in 0..inputs.len() {
             let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
             let rows = emit::rows(inputs[k], &sheets[k], &coverages[k], trust, &sources);
-            inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &rows));
+            let rounds = Round::of(&rows);
+            inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &rounds));
             append(set, rows, 0.0, [0.0; 3]);
         }
     }
@@ -104,4 +113,52 @@ fn slant(view: &PinholeView, pixel: usize) -> f32 {
     let x = ((pixel % view.width) as f32 + 0.5 - view.cx) / view.fx;
     let y = ((pixel / view.width) as f32 + 0.5 - view.cy) / view.fy;
     (1.0 + x * x + y * y).sqrt()
+}
+
+/// The input views by the distance of their frame from the mean of their frames; those of the same distance in their order.
+fn from_the_middle(views: &[View]) -> Vec<&View> {
+    let mut inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
+    let (sum, count) = (inputs.iter().map(|view| view.frame).sum::<usize>(), inputs.len());
+    // Times the count, so that all stays whole.
+    inputs.sort_by_key(|view| (view.frame * count).abs_diff(sum));
+    inputs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::from_the_middle;
+    use crate::views::{PinholeView, Role, View};
+    use lgs_formats::image::RgbImage;
+
+    #[test]
+    fn the_middle_comes_first_and_held_out_views_never() {
+        let pinhole = PinholeView {
+            width: 1,
+            height: 1,
+            fx: 1.0,
+            fy: 1.0,
+            cx: 0.5,
+            cy: 0.5,
+            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            time: 0.0,
+        };
+        let image = RgbImage { width: 1, height: 1, data: vec![0.0; 3] };
+        let view = |frame: usize| View {
+            frame,
+            camera: "a".to_owned(),
+            role: if frame.is_multiple_of(2) { Role::Input } else { Role::HeldOut },
+            pinhole,
+            image: image.clone(),
+            labels: None,
+            depth_samples: Vec::new(),
+        };
+        let order = |frames: &[usize]| -> Vec<usize> {
+            let views: Vec<View> = frames.iter().map(|&frame| view(frame)).collect();
+            from_the_middle(&views).iter().map(|view| view.frame).collect()
+        };
+        assert_eq!(order(&[0, 1, 2, 3, 4]), [2, 0, 4]);
+        assert_eq!(order(&[0, 2, 4, 6]), [2, 4, 0, 6]);
+        assert_eq!(order(&[0, 1, 2]), [0, 2]);
+        assert!(order(&[1]).is_empty());
+    }
 }

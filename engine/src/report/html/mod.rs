@@ -48,7 +48,7 @@ pub fn html(page: &Page<'_>) -> String {
     let (held_out, input) = (views_of(page, Role::HeldOut), views_of(page, Role::Input));
     let mut body = header(page) + &cards(metrics);
     if !page.views.is_empty() {
-        body += &legend(metrics.config.at_time.is_none());
+        body += &legend(page);
     }
     body += &section("Held-out views", "The reconstruction saw neither these images nor their sweeps.", &held_out);
     if held_out.is_empty() {

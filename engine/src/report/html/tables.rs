@@ -6,8 +6,9 @@ use super::{
 };
 use crate::{
     evaluate::ViewFigures,
-    pipeline::Stage,
-    report::metrics::{FIGURES, FigureKind, Metrics, role_name},
+    pipeline::{NetworkSummary, Stage, UpdateSkipped},
+    predict::QuerySkipped,
+    report::metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
     views::Role,
 };
 
@@ -54,7 +55,7 @@ pub(super) fn stage_bars(metrics: &Metrics) -> String {
 
 /// Everything that decided the result, and the command.
 pub(super) fn settings(page: &Page<'_>) -> String {
-    let Metrics { config, gaussians, threads, seed, weights, .. } = page.metrics;
+    let Metrics { config, gaussians, threads, seed, weights, network, .. } = page.metrics;
     let moment = config.at_time.map_or("each view's own".to_owned(), |s| format!("{s} s after time zero"));
     let none = || "none".to_owned();
     let rows = [
@@ -66,6 +67,8 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),
+        ("network", network.as_ref().map_or_else(none, |summary| network_settings(config, summary))),
+        ("refined by", config.refine_with.clone().unwrap_or_else(none)),
         ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),
         ("threads", threads.to_string()),
         ("seed", seed.to_string()),
@@ -76,4 +79,26 @@ pub(super) fn settings(page: &Page<'_>) -> String {
     ];
     let rows: String = rows.iter().map(|(name, value)| format!("<dt>{name}</dt><dd>{value}</dd>\n")).collect();
     format!("<dl class=\"settings\">\n{rows}</dl>\n<pre>{}</pre>\n", escape(page.command))
+}
+
+/// What the network was asked for and what it left out, as one line.
+fn network_settings(config: &Config, summary: &NetworkSummary) -> String {
+    let query = match summary.query_skipped {
+        None => "query".to_owned(),
+        Some(QuerySkipped::Off) => "no query".to_owned(),
+        Some(QuerySkipped::NotInModel) => "no query in the model".to_owned(),
+        Some(QuerySkipped::SingleTimestamp) => "no query: a single timestamp".to_owned(),
+    };
+    let number = |value: Option<f32>| value.map_or(String::new(), |value| value.to_string());
+    let density = match (&summary.set_update_skipped, &config.density) {
+        (None, Some(density)) => {
+            let budget = config.max_gaussians.map_or(String::new(), |n| format!(", at most {}", thousands(n)));
+            format!("density {density} ({}, {}{budget})", number(config.theta_prune), number(config.theta_add))
+        }
+        (Some(UpdateSkipped::NotInModel), _) => "no policy in the model".to_owned(),
+        _ => "density off".to_owned(),
+    };
+    let stop = if summary.refine.stopped_early { ", stopped early" } else { "" };
+    let steps = config.refine_steps.unwrap_or(0);
+    format!("{query}; {density}; {} of {steps} refinement steps{stop}", summary.refine.steps)
 }

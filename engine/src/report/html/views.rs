@@ -7,7 +7,7 @@ use crate::{
     report::{
         colour_maps::{INFERNO, VIRIDIS},
         metrics::{FIGURES, FigureKind, ViewRecord},
-        pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, PictureKind},
+        pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, PictureKind, SCORE_COLOURS},
     },
     views::Role,
 };
@@ -41,7 +41,7 @@ fn view(record: &ViewRecord, view: &PageView) -> String {
 }
 
 /// What the colours of the pictures mean.
-pub(super) fn legend(with_error: bool) -> String {
+pub(super) fn legend(page: &Page<'_>) -> String {
     let [near, far] = DEPTH_SCALE_M;
     let ramp = |left: String, gradient: String, right: String| {
         format!("<span class=\"ramp\">{left}<i style=\"background:{gradient}\"></i>{right}</span>")
@@ -54,6 +54,16 @@ pub(super) fn legend(with_error: bool) -> String {
         "<li><b>depth</b> expected depth, logarithmic {} black: nothing drawn</li>\n",
         ramp(format!("{near} m and less"), VIRIDIS.css_gradient("left"), format!("{far} m and more"))
     );
+    let shown = |kind: PictureKind| page.views.iter().any(|view| view.pictures.iter().any(|(of, _)| *of == kind));
+    let theta = |theta: Option<f32>| theta.map_or(String::new(), |theta| theta.to_string());
+    let (theta_prune, theta_add) = (theta(page.metrics.config.theta_prune), theta(page.metrics.config.theta_add));
+    let scores = format!(
+        "<li><b>prune, add</b> the policy's scores of the primitives before the set update, seen over the drawn view {} grey: \
+         no score; thresholds {theta_prune} and {theta_add}</li>\n",
+        ramp("0".into(), SCORE_COLOURS.css_gradient("right"), "1".into())
+    );
+    let parts = [(PictureKind::Error, error), (PictureKind::Depth, depth), (PictureKind::Prune, scores)];
+    let parts: String = parts.into_iter().filter(|(kind, _)| shown(*kind)).map(|(_, text)| text).collect();
     let hint = "<li>Click or tap a picture to enlarge it.</li>\n";
-    format!("<ul class=\"legend\">\n{}{depth}{hint}</ul>\n", if with_error { error } else { String::new() })
+    format!("<ul class=\"legend\">\n{parts}{hint}</ul>\n")
 }

@@ -6,12 +6,18 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use lgs_formats::image::ImageSize;
 use lgs_train::scenes::{
     SceneConfig, Split,
+    config::MAX_EGO_DISTANCE,
     export::{Export, ImageFormat},
     presets,
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-/// Makes scenes to train and measure on.
+use crate::{
+    ablate_args::AblateArgs, backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs,
+    rates_args::RatesArgs, ship::ShipArgs,
+};
+
+/// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "lgs-train", version, about)]
 pub(crate) struct Cli {
@@ -25,6 +31,35 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Makes procedural street clips (lgs-clip/1 directories)
     Scenes(ScenesArgs),
+    /// Trains prediction, query and refinement by the rendering loss (stage 1)
+    Backbone(Box<BackboneArgs>),
+    /// Trains the densify policy on targets that lgs-targetgen made (stage 2)
+    Policy(Box<PolicyArgs>),
+    /// Trains prediction, query and refinement again with the policy's decisions applied (stage 3)
+    Finetune(Box<FinetuneArgs>),
+    /// Writes a copy of a weights file
+    Export(ExportArgs),
+    /// Searches the learning rates of per-scene optimisation, which refinement is compared with
+    Rates(Box<RatesArgs>),
+    /// Measures weights on held-out views: refinement against per-scene optimisation, query, policy, velocities
+    Ablate(Box<AblateArgs>),
+    /// Writes weights, or their card, to where builds take from what ships in the programs
+    Ship(ShipArgs),
+}
+
+/// Flags of `export`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// Weights file to copy
+    #[arg(value_name = "WEIGHTS")]
+    pub(crate) weights: PathBuf,
+    /// File to write
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Stores what convolutions and linear layers multiply by in 16 bits: half the size; another SHA-256, so targets
+    /// are to be made with the file that ships
+    #[arg(long)]
+    pub(crate) half: bool,
 }
 
 const CAMERAS_HELP: &str =
@@ -51,7 +86,8 @@ pub(crate) struct ScenesArgs {
     /// Name of the clip and of its directory [default: split and scene number, as train-000007]; needs --count 1
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
     pub(crate) name: Option<String>,
-    /// Timestamps per clip, 1..=1000 [default: the preset's]
+    /// Timestamps per clip, 1..=1000; in long clips the vehicle drives more slowly, to stay on the street [default: the
+    /// preset's]
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<usize>,
     /// Time between timestamps, seconds, 0.01..=2 [default: the preset's]
@@ -153,6 +189,8 @@ impl ScenesArgs {
     fn overridden(&self, mut config: SceneConfig) -> SceneConfig {
         config.num_frames = self.frames.unwrap_or(config.num_frames);
         config.frame_interval_s = self.interval.unwrap_or(config.frame_interval_s);
+        let duration = config.frame_time(config.num_frames);
+        config.traffic.ego_speed = config.traffic.ego_speed.min(MAX_EGO_DISTANCE / duration.max(1e-3));
         if let Some(num) = self.cameras {
             resize_rig(&mut config.rig, num);
         }
@@ -216,8 +254,10 @@ mod tests {
     use super::*;
 
     fn parse(line: &str) -> ScenesArgs {
-        let Command::Scenes(args) = Cli::try_parse_from(line.split(' ')).unwrap().command;
-        args
+        match Cli::try_parse_from(line.split(' ')).unwrap().command {
+            Command::Scenes(args) => args,
+            other => panic!("expected scenes, found {other:?}"),
+        }
     }
 
     #[test]
@@ -234,6 +274,14 @@ mod tests {
             scene.config.validate().unwrap();
         }
         assert_ne!(plan[0].config.seed, plan[1].config.seed);
+    }
+
+    #[test]
+    fn long_clips_stay_on_the_street() {
+        for seed in 0..20 {
+            let args = parse(&format!("lgs-train scenes --out o --seed {seed} --frames 199 --interval 0.1"));
+            args.plan().unwrap()[0].config.validate().unwrap();
+        }
     }
 
     #[test]

@@ -7,12 +7,22 @@ use lgs_train::scenes::{
     export::{self, Written},
 };
 
-use crate::args::{Cli, Command, ScenesArgs};
+use crate::{
+    args::{Cli, Command, ScenesArgs},
+    stage,
+};
 
 /// The text for standard output.
 pub(crate) fn run(cli: &Cli) -> Result<String> {
     match &cli.command {
         Command::Scenes(args) => scenes(args),
+        Command::Backbone(args) => stage::backbone(args),
+        Command::Policy(args) => stage::policy(args),
+        Command::Finetune(args) => stage::finetune(args),
+        Command::Export(args) => stage::export(args),
+        Command::Rates(args) => crate::rates::rates(args),
+        Command::Ablate(args) => crate::ablate::ablate(args),
+        Command::Ship(args) => crate::ship::ship(args),
     }
 }
 

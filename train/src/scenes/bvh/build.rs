@@ -1,18 +1,18 @@
 //! Building: a binary tree by the surface area heuristic, then nodes of [`WIDTH`] children made of it.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{Child, Node, WIDTH};
-use crate::scenes::primitive::Primitive;
+use crate::scenes::{maths::count, primitive::Primitive};
 
-/// Primitives up to which a node is not split.
+/// Primitives up to which a node is not split: what [`Child`] can count.
 const LEAF_SIZE: usize = 3;
 
 /// Candidate cuts per axis.
 const NUM_BINS: usize = 12;
 
 /// Levels of the binary tree that may be cut unevenly; below them every cut halves.
-const MAX_UNEVEN: usize = 16;
+const MAX_UNEVEN: usize = 12;
 
 /// A primitive with its bounds.
 pub(super) struct Item {
@@ -65,15 +65,12 @@ pub(super) fn widen(cuts: &[Cut], root: usize, nodes: &mut Vec<Node>) -> usize {
         parts.push(left + 1);
     }
     let index = nodes.len();
-    nodes.push(Node {
-        bounds: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]],
-        children: [Child::default(); WIDTH],
-    });
+    nodes.push(Node { bounds: [[Vec4::INFINITY; 3], [Vec4::NEG_INFINITY; 3]], children: [Child::default(); WIDTH] });
     for (lane, &part) in parts.iter().enumerate() {
         let cut = &cuts[part];
         let child = match cut.left {
-            Some(_) => Child { first: widen(cuts, part, nodes), count: 0 },
-            None => Child { first: cut.first, count: cut.count },
+            Some(_) => Child::new(widen(cuts, part, nodes), 0),
+            None => Child::new(cut.first, cut.count),
         };
         nodes[index].children[lane] = child;
         for axis in 0..3 {
@@ -95,44 +92,88 @@ fn area((low, high): (Vec3, Vec3)) -> f32 {
     e.x * e.y + e.y * e.z + e.z * e.x
 }
 
+/// Items of a slice of space.
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: (Vec3, Vec3),
+    count: f32,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY), count: 0.0 };
+
+    fn with(self, other: Self) -> Self {
+        let (a, b) = (self.bounds, other.bounds);
+        Self { bounds: (a.0.min(b.0), a.1.max(b.1)), count: self.count + other.count }
+    }
+
+    /// Share of this side in the cost of a cut; infinite when it is empty.
+    fn cost(&self) -> f32 {
+        if self.count > 0.0 { self.count * area(self.bounds) } else { f32::INFINITY }
+    }
+}
+
+/// Where the middles of items lie along an axis.
+#[derive(Clone, Copy)]
+struct Binning {
+    axis: usize,
+    low: f32,
+    per_metre: f32,
+}
+
+impl Binning {
+    fn bin(&self, item: &Item) -> usize {
+        let middle = (item.low[self.axis] + item.high[self.axis]) * 0.5;
+        count(f64::from((middle - self.low) * self.per_metre)).min(NUM_BINS - 1)
+    }
+
+    /// The cost of the cheapest cut and the first bin on its right side.
+    fn cheapest_cut(&self, items: &[Item]) -> (f32, usize) {
+        let mut bins = [Bin::EMPTY; NUM_BINS];
+        for item in items {
+            let bin = &mut bins[self.bin(item)];
+            *bin = bin.with(Bin { bounds: (item.low, item.high), count: 1.0 });
+        }
+        let mut right = [Bin::EMPTY; NUM_BINS];
+        for k in (0..NUM_BINS - 1).rev() {
+            right[k] = right[k + 1].with(bins[k + 1]);
+        }
+        let (mut left, mut best) = (Bin::EMPTY, (f32::INFINITY, 0));
+        for k in 0..NUM_BINS - 1 {
+            left = left.with(bins[k]);
+            let cost = left.cost() + right[k].cost();
+            if cost < best.0 {
+                best = (cost, k + 1);
+            }
+        }
+        best
+    }
+}
+
 /// Number of items of the left side after reordering by the cheapest binned cut of the surface area heuristic.
 fn partition(items: &mut [Item]) -> usize {
-    let middle = |item: &Item| (item.low + item.high) * 0.5;
-    let (low, high) = items
-        .iter()
-        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), item| (l.min(middle(item)), h.max(middle(item))));
-    let mut best: Option<(f32, usize, f32)> = None;
-    for axis in 0..3 {
-        let extent = high[axis] - low[axis];
-        if extent <= 0.0 {
-            continue;
-        }
-        for bin in 1..NUM_BINS {
-            let cut = low[axis] + extent * bin as f32 / NUM_BINS as f32;
-            let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0_f32);
-            let (mut left, mut right) = (empty, empty);
-            for item in items.iter() {
-                let side = if middle(item)[axis] < cut { &mut left } else { &mut right };
-                *side = (side.0.min(item.low), side.1.max(item.high), side.2 + 1.0);
-            }
-            if left.2 == 0.0 || right.2 == 0.0 {
-                continue;
-            }
-            let cost = left.2 * area((left.0, left.1)) + right.2 * area((right.0, right.1));
-            if best.is_none_or(|(least, ..)| cost < least) {
-                best = Some((cost, axis, cut));
-            }
-        }
+    let (low, high) = items.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), item| {
+        let middle = (item.low + item.high) * 0.5;
+        (low.min(middle), high.max(middle))
+    });
+    let binnings = (0..3).filter(|&axis| high[axis] > low[axis]).map(|axis| Binning {
+        axis,
+        low: low[axis],
+        per_metre: NUM_BINS as f32 / (high[axis] - low[axis]),
+    });
+    let cuts = binnings.map(|binning| (binning, binning.cheapest_cut(items)));
+    let Some((binning, (cost, cut))) = cuts.min_by(|a, b| a.1.0.total_cmp(&b.1.0)) else { return halve(items) };
+    if cost.is_infinite() {
+        return halve(items);
     }
-    let Some((_, axis, cut)) = best else { return halve(items) };
-    let mut len = 0;
+    let mut num_left = 0;
     for k in 0..items.len() {
-        if middle(&items[k])[axis] < cut {
-            items.swap(len, k);
-            len += 1;
+        if binning.bin(&items[k]) < cut {
+            items.swap(num_left, k);
+            num_left += 1;
         }
     }
-    len
+    num_left
 }
 
 /// Half of the items after ordering them along the longest side of their bounds.

@@ -2,14 +2,16 @@
 
 mod build;
 
+use glam::Vec4;
+
 use super::{
     primitive::Primitive,
     shapes::{LocalHit, Ray},
 };
 
-/// Pending nodes of a traversal: at most `WIDTH - 1` a level of the wide tree. Uneven levels and 32 halvings give at most
-/// 48 binary levels; a wide node takes at least one.
-const STACK: usize = 160;
+/// Pending children of a traversal: at most `WIDTH - 1` a level of the wide tree, which has no more levels than the binary
+/// one: the uneven ones and 18 halvings, which take 2^18 primitives. The longest street has a third of that.
+const STACK: usize = 96;
 
 /// Children of a node.
 const WIDTH: usize = 4;
@@ -24,16 +26,32 @@ pub(crate) struct Bvh {
 /// The bounds of up to [`WIDTH`] children, tested together. A lane without a child has bounds that no ray enters.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// `[low, high][axis][child]`.
-    bounds: [[[f32; WIDTH]; 3]; 2],
+    /// `[low, high][axis]`, a lane per child.
+    bounds: [[Vec4; 3]; 2],
     children: [Child; WIDTH],
 }
 
-/// A range of primitives (`count > 0`) or a node.
+/// A range of primitives (a count above 0) or a node, in few bytes, because each ray clears its stack.
 #[derive(Clone, Copy, Debug, Default)]
-struct Child {
-    first: usize,
-    count: usize,
+struct Child(u32);
+
+impl Child {
+    /// Bits of the count.
+    const COUNT_BITS: u32 = 2;
+
+    /// `count` primitives from `first` on, or the node `first` when `count` is 0.
+    fn new(first: usize, count: usize) -> Self {
+        let packed = (first << Self::COUNT_BITS) | count;
+        Self(u32::try_from(packed).unwrap_or(u32::MAX))
+    }
+
+    const fn first(self) -> usize {
+        (self.0 >> Self::COUNT_BITS) as usize
+    }
+
+    const fn count(self) -> usize {
+        (self.0 & ((1 << Self::COUNT_BITS) - 1)) as usize
+    }
 }
 
 /// The first primitive that a ray meets.
@@ -106,15 +124,16 @@ impl Bvh {
             if near >= *limit {
                 continue;
             }
-            if child.count > 0 {
-                for k in child.first..child.first + child.count {
+            let (first, count) = (child.first(), child.count());
+            if count > 0 {
+                for k in first..first + count {
                     if act(k, limit) {
                         return true;
                     }
                 }
                 continue;
             }
-            let node = &self.nodes[child.first];
+            let node = &self.nodes[first];
             let entries = node.entries(origin, inverse, t_min, *limit);
             let base = len;
             for (&child, &near) in node.children.iter().zip(&entries) {
@@ -138,18 +157,14 @@ impl Node {
     /// Where a ray enters each child; infinite where it does not between `t_min` and `limit`.
     #[inline]
     fn entries(&self, origin: [f32; 3], inverse: [f32; 3], t_min: f32, limit: f32) -> [f32; WIDTH] {
-        let (mut near, mut far) = ([t_min; WIDTH], [limit; WIDTH]);
+        let (mut near, mut far) = (Vec4::splat(t_min), Vec4::splat(limit));
         for axis in 0..3 {
             let backward = usize::from(inverse[axis] < 0.0);
-            let (low, high) = (&self.bounds[backward][axis], &self.bounds[1 - backward][axis]);
-            for lane in 0..WIDTH {
-                let enter = (low[lane] - origin[axis]) * inverse[axis];
-                let leave = (high[lane] - origin[axis]) * inverse[axis];
-                near[lane] = if enter > near[lane] { enter } else { near[lane] };
-                far[lane] = if leave < far[lane] { leave } else { far[lane] };
-            }
+            let (start, slope) = (Vec4::splat(origin[axis]), Vec4::splat(inverse[axis]));
+            near = near.max((self.bounds[backward][axis] - start) * slope);
+            far = far.min((self.bounds[1 - backward][axis] - start) * slope);
         }
-        std::array::from_fn(|lane| if near[lane] <= far[lane] { near[lane] } else { f32::INFINITY })
+        Vec4::select(near.cmple(far), near, Vec4::INFINITY).to_array()
     }
 }
 

@@ -25,8 +25,10 @@ use crate::{
     views::{View, reduced::Reduced},
 };
 
-/// Depths are searched at images smaller by this factor.
-const FACTOR: usize = 2;
+/// Depths are searched at images smaller by at least this factor, in both directions.
+const MIN_FACTOR: usize = 2;
+/// And at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
+const MAX_PIXELS: usize = 120_000;
 /// Other images of its camera that a view is matched against.
 const MAX_SOURCES: usize = 2;
 /// How much nearer than the ground that it hides the own vehicle is taken to be.
@@ -42,7 +44,7 @@ struct Search {
 /// The depth maps of `views`, nowhere farther than `radius` metres.
 pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sheet> {
     let ground = Ground::fit(cloud);
-    let levels: Vec<Level> = views.par_iter().map(|view| Level::new(Reduced::new(view, FACTOR))).collect();
+    let levels: Vec<Level> = views.par_iter().map(|view| Level::new(Reduced::new(view, factor(view)))).collect();
     let search = |i: usize| {
         let evidence = evidence::evidence(views[i], &levels[i].view, cloud, ground);
         let others: Vec<&Level> = sources(views, i).into_iter().map(|j| &levels[j]).collect();
@@ -67,9 +69,15 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
             trust[k] = Trust::OwnVehicle;
             inverse[k] = OWN_VEHICLE_NEARER * searches[i].evidence[k].floor;
         }
-        enlarge::enlarged(views[i], &levels[i].view, FACTOR, (&inverse, &trust), radius)
+        enlarge::enlarged(views[i], &levels[i].view, factor(views[i]), (&inverse, &trust), radius)
     };
     (0..views.len()).into_par_iter().map(finish).collect()
+}
+
+/// By how much a view is reduced.
+fn factor(view: &View) -> usize {
+    let reduced = |by: usize| (view.pinhole.width / by) * (view.pinhole.height / by);
+    (MIN_FACTOR..).find(|&by| reduced(by) <= MAX_PIXELS).unwrap_or(MIN_FACTOR)
 }
 
 /// Indices of the views that view `i` is matched against: the nearest in time of the same camera in other frames.

@@ -1,0 +1,181 @@
+//! The command line, parsed without side effects.
+
+#[cfg(test)]
+mod tests;
+mod values;
+
+use std::{num::NonZeroUsize, path::PathBuf};
+
+use clap::{Parser, builder::RangedU64ValueParser};
+use lgs_engine::{
+    network::{shipped, source::ModelSource},
+    pipeline::HoldOut,
+};
+use lgs_formats::{frame_list::FrameList, image::ImageSize};
+
+pub(crate) use values::{BackgroundArg, DensityArg, RefineWith, Switch, ViewsArg, word};
+use values::{rate, score, seconds};
+
+/// Largest number of threads that may be asked for.
+const MAX_THREADS: u64 = 1024;
+
+/// Reconstruct a driving clip as a dynamic 3D Gaussian scene, draw its views and measure them.
+///
+/// Reads a clip directory (`clip.json`, LiDAR sweeps, images) and writes `scene.ply`, `metrics.json`, pictures of the
+/// views under `views/` and `report.html`.
+#[derive(Clone, Debug, PartialEq, Parser)]
+#[command(name = "lgs-infer", version, max_term_width = 110)]
+pub(crate) struct Args {
+    /// Clip directory: a folder with a `clip.json` of format lgs-clip/1, or a folder that `lgs-clip import` knows
+    #[arg(value_name = "CLIP_DIR", required_unless_present = "describe")]
+    pub(crate) clip_dir: Option<PathBuf>,
+
+    /// Print the model of a config or of a weights file as a table and do nothing else [default: none]
+    #[arg(long, value_name = "FILE", conflicts_with = "clip_dir")]
+    pub(crate) describe: Option<PathBuf>,
+
+    /// Folder to write to, made when it is missing [default: out/<name of the clip>]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+
+    /// Network weights, a safetensors file; `tiny`: those that ship in the program, where it was built with some;
+    /// `random:FILE.json`: weights of a model config drawn from --seed, for size and speed work; `none`: the scene is what the
+    /// sweeps and the images say by themselves
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = shipped::DEFAULT)]
+    pub(crate) weights: ModelSource,
+
+    /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
+    refine_steps: Option<u32>,
+
+    /// Who refines: `learned`: the network, where there is one; `adam:N`: N steps of per-scene optimisation by the same loss, 0 to
+    /// 100000, with a network or without
+    #[arg(long, value_name = "learned|adam:N", default_value = "learned")]
+    pub(crate) refine_with: RefineWith,
+
+    /// Input views that a step of adam:N looks at, in random turns [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) adam_views: Option<NonZeroUsize>,
+
+    /// Who prunes and adds primitives: `policy`: the network; `random`: chance, as often as the network would; `off`: nobody
+    #[arg(long, value_enum, default_value_t = DensityArg::Policy)]
+    pub(crate) density: DensityArg,
+
+    /// Score above which a primitive is pruned, 0 to 1
+    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
+    pub(crate) theta_prune: f32,
+
+    /// Score above which a primitive gets a copy beside it, 0 to 1
+    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
+    pub(crate) theta_add: f32,
+
+    /// Largest number of LiDAR Gaussians after pruning and adding: the worst go first, then the best copies come; needs a
+    /// policy's scores [default: as many as the scores ask for]
+    #[arg(long, value_name = "N")]
+    pub(crate) max_gaussians: Option<usize>,
+
+    /// Whether primitives ask their nearest of other timestamps
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) query: Switch,
+
+    /// Names of the cameras to use, separated by commas [default: all]
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    pub(crate) cameras: Option<Vec<String>>,
+
+    /// Size to which every image is brought: height x width, pixels [default: each image's own]
+    #[arg(long, value_name = "HxW")]
+    pub(crate) image_size: Option<ImageSize>,
+
+    /// Frames to use: indices of the clip from 0 on and ranges with both ends, such as 0,2,5..8 [default: all]
+    #[arg(long, value_name = "LIST")]
+    pub(crate) frames: Option<FrameList>,
+
+    /// Frames whose images and sweeps only the figures may see: a list as for --frames; `odd`: indices 1, 3, 5, ...;
+    /// `every:N`: the N-th frame of the clip, the 2N-th and so on, which are the indices N-1, 2N-1, ...; `none`
+    #[arg(long, value_name = "LIST|odd|every:N|none", default_value_t = HoldOut::Nothing)]
+    pub(crate) hold_out: HoldOut,
+
+    /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
+    /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is (what `auto` takes)
+    #[arg(long, value_enum, default_value_t = BackgroundArg::Auto)]
+    pub(crate) background: BackgroundArg,
+
+    /// Views to draw, measure and write: `all`, `held-out` or `none`
+    #[arg(long, value_enum, default_value_t = ViewsArg::All)]
+    pub(crate) views: ViewsArg,
+
+    /// Write `scene.ply` for viewers that know plain 3D Gaussian splatting only: without velocities, times and scores, everything
+    /// where it is at --at-time, or at time 0
+    #[arg(long)]
+    pub(crate) plain: bool,
+
+    /// Write `sequence/00000.ply`, `00001.ply`, ... too: plain files for players of 4D scenes, this many for each second between
+    /// the first and the last input image [default: none]
+    #[arg(long, value_name = "FPS", value_parser = rate)]
+    pub(crate) sequence: Option<f32>,
+
+    /// Write `scene_stg.ply` too, with the properties of Spacetime Gaussians (`motion_*`, `trbf_*`); needs input images of more
+    /// than one moment
+    #[arg(long)]
+    pub(crate) stg: bool,
+
+    /// Write `scene.spz` too, a small file for web viewers, everything where it is at --at-time, or at time 0
+    #[arg(long)]
+    pub(crate) spz: bool,
+
+    /// Write `viewer.html` too: one file that shows the scene in a browser, with a time slider and the cameras as stops
+    #[arg(long)]
+    pub(crate) viewer: bool,
+
+    /// Draw every view at this moment, seconds since the first input sweep, instead of at its image's own; there is no
+    /// truth to measure against then [default: each image's own]
+    #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
+    pub(crate) at_time: Option<f32>,
+
+    /// Weights of LPIPS v0.1 with its squeeze trunk, a safetensors file [default: none, and LPIPS is not measured]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) lpips_weights: Option<PathBuf>,
+
+    /// Threads to work with, 1 to 1024; the result does not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u64>::new().range(1..=MAX_THREADS))]
+    threads: Option<u64>,
+
+    /// Seed of everything that is drawn at random, recorded in metrics.json
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// Print the content of metrics.json to standard output instead of a summary
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Steps of the learned refinement when nobody says.
+const REFINE_STEPS: usize = 3;
+
+impl Args {
+    /// Steps of the learned refinement.
+    pub(crate) fn refine_steps(&self) -> usize {
+        match self.refine_with {
+            RefineWith::Learned => self.refine_steps.map_or(REFINE_STEPS, |steps| steps as usize),
+            RefineWith::Adam(_) => 0,
+        }
+    }
+
+    /// Flags that each make sense, but not together.
+    pub(crate) fn contradiction(&self) -> Option<&'static str> {
+        match self.refine_with {
+            RefineWith::Learned if self.adam_views.is_some() => {
+                Some("--adam-views: expected --refine-with adam:N, found --refine-with learned")
+            }
+            RefineWith::Adam(_) if self.refine_steps.is_some() => {
+                Some("--refine-steps: expected --refine-with learned, found --refine-with adam:N")
+            }
+            _ => None,
+        }
+    }
+
+    /// The number of threads that was asked for.
+    pub(crate) fn threads(&self) -> Option<NonZeroUsize> {
+        self.threads.and_then(|count| usize::try_from(count).ok()).and_then(NonZeroUsize::new)
+    }
+}

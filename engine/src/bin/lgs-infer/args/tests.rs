@@ -1,0 +1,99 @@
+//! The command line, as users type it.
+
+use clap::CommandFactory;
+
+use super::*;
+
+fn parse(line: &str) -> Result<Args, clap::Error> {
+    Args::try_parse_from(std::iter::once("lgs-infer").chain(line.split(' ')))
+}
+
+#[test]
+fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
+    let command = Args::command();
+    command.clone().debug_assert();
+    for flag in command.get_arguments().filter(|flag| flag.get_long().is_some() && flag.get_action().takes_values()) {
+        let help = flag.get_help().map_or(String::new(), ToString::to_string);
+        let said = help.contains("[default: ") || !flag.get_default_values().is_empty();
+        assert!(said, "--{} says no default: {help}", flag.get_id());
+    }
+}
+
+#[test]
+fn defaults_are_as_the_help_says() {
+    let args = parse("clip").unwrap();
+    assert_eq!((args.out, args.cameras, args.frames, args.hold_out), (None, None, None, HoldOut::Nothing));
+    let weights = if shipped::BYTES.is_some() { ModelSource::Shipped } else { ModelSource::None };
+    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, weights));
+    assert_eq!((args.threads, args.seed, args.json), (None, 0, false));
+}
+
+#[test]
+fn weights_are_a_file_a_config_or_none() {
+    let of = |line: &str| parse(line).unwrap().weights;
+    assert_eq!(of("c --weights tiny.safetensors"), ModelSource::File("tiny.safetensors".into()));
+    assert_eq!((of("c --weights tiny"), of("c --weights none")), (ModelSource::Shipped, ModelSource::None));
+    assert_eq!(of("c --weights random:full.json"), ModelSource::Random("full.json".into()));
+    assert_eq!(parse("--describe full.json").unwrap().describe, Some("full.json".into()));
+}
+
+#[test]
+fn lists_and_rules_are_read() {
+    let args = parse("c --frames 0,2,5..8 --hold-out 2,6 --cameras A,B --image-size 304x484 --at-time -0.5").unwrap();
+    assert_eq!(args.frames, Some(FrameList(vec![0, 2, 5, 6, 7, 8])));
+    assert_eq!(args.hold_out, HoldOut::List(vec![2, 6]));
+    assert_eq!(args.cameras, Some(vec!["A".to_owned(), "B".to_owned()]));
+    assert_eq!(args.image_size.map(|size| [size.height, size.width]), Some([304, 484]));
+    assert_eq!(args.at_time, Some(-0.5));
+    assert_eq!(parse("c --hold-out odd").unwrap().hold_out, HoldOut::Odd);
+    let every = parse("c --hold-out every:10 --threads 3 --views held-out").unwrap();
+    assert_eq!(every.hold_out, HoldOut::Every(NonZeroUsize::new(10).unwrap()));
+    assert_eq!((every.threads().map(NonZeroUsize::get), every.views), (Some(3), ViewsArg::HeldOut));
+}
+
+#[test]
+fn one_of_two_refines() {
+    let learned = parse("c").unwrap();
+    assert_eq!((learned.refine_with, learned.refine_steps(), learned.contradiction()), (RefineWith::Learned, 3, None));
+    let adam = parse("c --refine-with adam:30 --adam-views 4").unwrap();
+    assert_eq!((adam.refine_with, adam.refine_steps(), adam.contradiction()), (RefineWith::Adam(30), 0, None));
+    assert!(parse("c --refine-with adam:3 --refine-steps 3").unwrap().contradiction().is_some());
+    assert!(parse("c --adam-views 4").unwrap().contradiction().is_some());
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    for line in [
+        "c --frames 5..2",
+        "c --frames -1",
+        "c --frames 0..99999999999",
+        "c --frames 1,,2",
+        "c --sequence 0",
+        "c --sequence inf",
+        "c --hold-out every:0",
+        "c --hold-out even",
+        "c --at-time inf",
+        "c --at-time NaN",
+        "c --threads 0",
+        "c --threads 5000",
+        "c --image-size 304",
+        "c --image-size 0x10",
+        "c --weights random:",
+        "c --refine-steps -1",
+        "c --refine-with adam",
+        "c --refine-with adam:-1",
+        "c --refine-with adam:1000000",
+        "c --refine-with nobody",
+        "c --refine-with adam:3 --adam-views 0",
+        "c --query maybe",
+        "c --theta-add 1.5",
+        "c --theta-prune NaN",
+        "c --describe models/tiny.json",
+        "--json",
+        "c --seed -1",
+        "c --unknown 1",
+        "c another",
+    ] {
+        assert!(parse(line).is_err(), "{line}");
+    }
+}

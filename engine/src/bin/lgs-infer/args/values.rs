@@ -1,0 +1,121 @@
+//! Values of flags and how they are read.
+
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use lgs_engine::{densify::Density, gaussians::background::Mode};
+
+/// Most steps of per-scene optimisation that may be asked for.
+const MAX_ADAM_STEPS: usize = 100_000;
+
+/// `--density`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DensityArg {
+    Policy,
+    Random,
+    Off,
+}
+
+impl DensityArg {
+    /// The engine's word for it.
+    pub(crate) const fn density(self) -> Density {
+        match self {
+            Self::Policy => Density::Policy,
+            Self::Random => Density::Random,
+            Self::Off => Density::Off,
+        }
+    }
+}
+
+/// `--refine-with`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RefineWith {
+    /// The network.
+    Learned,
+    /// So many steps of per-scene optimisation.
+    Adam(usize),
+}
+
+impl RefineWith {
+    /// As the user gives it.
+    pub(crate) fn word(self) -> String {
+        match self {
+            Self::Learned => "learned".to_owned(),
+            Self::Adam(steps) => format!("adam:{steps}"),
+        }
+    }
+}
+
+impl FromStr for RefineWith {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let steps = |count: &str| count.parse().ok().filter(|&steps| steps <= MAX_ADAM_STEPS);
+        match text.split_once(':') {
+            None if text == "learned" => Ok(Self::Learned),
+            Some(("adam", count)) => {
+                let wrong = || format!("expected adam:N with N from 0 to {MAX_ADAM_STEPS}, found {text:?}");
+                steps(count).map(Self::Adam).ok_or_else(wrong)
+            }
+            _ => Err("expected learned or adam:N".to_owned()),
+        }
+    }
+}
+
+/// `on` or `off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Switch {
+    On,
+    Off,
+}
+
+/// `--background`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackgroundArg {
+    Auto,
+    Off,
+    Sky,
+    Gaps,
+    Depth,
+}
+
+impl BackgroundArg {
+    /// The engine's word for it.
+    pub(crate) const fn mode(self) -> Mode {
+        match self {
+            Self::Auto => Mode::Auto,
+            Self::Off => Mode::Off,
+            Self::Sky => Mode::Sky,
+            Self::Gaps => Mode::Gaps,
+            Self::Depth => Mode::Depth,
+        }
+    }
+}
+
+/// `--views`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ViewsArg {
+    All,
+    HeldOut,
+    None,
+}
+
+/// The word that the user gives for a value.
+pub(crate) fn word(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+}
+
+pub(super) fn score(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
+    value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
+}
+
+pub(super) fn seconds(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| value.is_finite());
+    value.ok_or_else(|| format!("expected a finite number of seconds, found {text:?}"))
+}
+
+pub(super) fn rate(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| *value > 0.0 && *value <= 1000.0);
+    value.ok_or_else(|| format!("expected a rate from above 0 to 1000 per second, found {text:?}"))
+}

@@ -1,0 +1,57 @@
+//! The set update: which primitives go, which get a copy beside them.
+//!
+//! # Formula
+//! Keep i iff `p_prune_i <= theta_p`; add a copy of i iff `p_add_i > theta_a` and `p_prune_i <= theta_p`. The copy has every attribute of i and
+//! stands at `x + N(0, 0.01 m)` per axis.
+//!
+//! # Source
+//! The paper, section 3.2, feed-forward density adjustment.
+
+mod apply;
+mod budget;
+mod random;
+mod scores;
+#[cfg(test)]
+mod tests;
+
+pub use apply::{COPY_NOISE, apply, origins};
+pub use budget::by_budget;
+pub use random::at_random;
+pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};
+
+/// Who decides what is pruned and added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Density {
+    /// The learned policy.
+    Policy,
+    /// Chance, as often as the policy would: the ablation.
+    Random,
+    /// Nobody: the set stays as it is.
+    Off,
+}
+
+/// What happens to one primitive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Nothing.
+    Keep,
+    /// It is taken out.
+    Prune,
+    /// It stays and a copy comes beside it.
+    Copy,
+}
+
+/// How many primitives an update took out and added.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UpdateCounts {
+    /// Taken out.
+    pub pruned: usize,
+    /// Copies added.
+    pub added: usize,
+}
+
+/// How many prunes and copies there are.
+pub fn count(actions: &[Action]) -> UpdateCounts {
+    let of = |action| actions.iter().filter(|&&a| a == action).count();
+    UpdateCounts { pruned: of(Action::Prune), added: of(Action::Copy) }
+}

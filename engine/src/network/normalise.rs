@@ -1,0 +1,174 @@
+//! Attributes, times and velocities at a common scale, and residuals back at theirs.
+
+use candle_core::Tensor;
+use rayon::prelude::*;
+
+use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, RawGradient};
+
+/// Columns of the input of a first prediction: attributes and time.
+pub const INITIAL_INPUTS: usize = NUM_ATTRIBUTES + 1;
+/// Subtracted from an attribute, then divided by.
+const ATTRIBUTE_SCALE: [(f32, f32); NUM_ATTRIBUTES] = {
+    let mut scale = [(0.0, 1.0); NUM_ATTRIBUTES];
+    let mut k = 0;
+    while k < NUM_ATTRIBUTES {
+        if k < MEAN.end {
+            scale[k] = (0.0, 50.0);
+        } else if k >= LOG_SCALE.start && k < LOG_SCALE.end {
+            scale[k] = (-3.0, 1.5);
+        } else if k == LOGIT_OPACITY || k >= LOGIT_COLOUR.start {
+            scale[k] = (0.0, 2.0);
+        }
+        k += 1;
+    }
+    scale
+};
+/// Metres a second that become 1.
+pub(super) const VELOCITY_SCALE: f32 = 10.0;
+/// What an output of 1 changes a logarithm or logit by.
+pub(super) const LOGIT_RESIDUAL: f32 = 0.5;
+/// What an output of 1 changes an attribute by: the Gaussian's own size, 0.1 of a quaternion, 0.5 of a logarithm or logit.
+const RESIDUAL_SCALE: [f32; NUM_ATTRIBUTES] = {
+    let mut scale = [LOGIT_RESIDUAL; NUM_ATTRIBUTES];
+    let mut k = 0;
+    while k < QUAT.end {
+        scale[k] = if k < MEAN.end { 1.0 } else { 0.1 };
+        k += 1;
+    }
+    scale
+};
+/// What an output of 1 changes a velocity by, metres a second.
+const VELOCITY_RESIDUAL: f32 = 3.0;
+/// Bounds of the size in which positions are measured, metres.
+const SIZES: [f32; 2] = [1e-3, 10.0];
+
+/// Rows `[n, INITIAL_INPUTS]` of `chosen` Gaussians.
+pub fn initial_rows(set: &GaussianSet, chosen: &[usize]) -> Vec<f32> {
+    rows(chosen, INITIAL_INPUTS, |i, row| state(set, i, row))
+}
+
+/// What an output of 1 changes an attribute of this Gaussian by.
+fn residual_scale(row: &[f32; NUM_ATTRIBUTES]) -> [f32; NUM_ATTRIBUTES] {
+    let (mut scale, size) = (RESIDUAL_SCALE, size(row));
+    scale[MEAN].iter_mut().for_each(|s| *s *= size);
+    scale
+}
+
+/// Geometric mean of the three scales, metres.
+pub(super) fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
+    (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
+}
+
+/// Adds head outputs to `chosen` Gaussians.
+///
+/// # Shapes
+/// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
+pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) {
+    for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
+        let scales = residual_scale(&set.attributes[i]);
+        for (value, (o, scale)) in set.attributes[i].iter_mut().zip(output.iter().zip(scales)) {
+            *value += o * scale;
+        }
+        for (value, o) in set.velocities[i].iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
+            *value += o * VELOCITY_RESIDUAL;
+        }
+    }
+}
+
+/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
+///
+/// # Shapes
+/// `gradient` of the whole set; result `[n, width]`.
+///
+/// # Gradient
+/// Exact; the sizes before the update are constants.
+pub fn residual_gradients(set: &GaussianSet, chosen: &[usize], gradient: &RawGradient, width: usize) -> Vec<f32> {
+    rows(chosen, width, |i, row| {
+        let scales = residual_scale(&set.attributes[i]);
+        for (slot, (g, scale)) in row.iter_mut().zip(gradient.attributes[i].iter().zip(scales)) {
+            *slot = g * scale;
+        }
+        for (slot, g) in row[NUM_ATTRIBUTES..].iter_mut().zip(gradient.velocities[i]) {
+            *slot = g * VELOCITY_RESIDUAL;
+        }
+    })
+}
+
+/// As [`add_residuals`] for all Gaussians of a branch that moves, differentiable: attributes and velocities after the update.
+///
+/// # Shapes
+/// `attributes` `[N, 14]`, `velocities` `[N, 3]`, `outputs` `[N, 17]`.
+///
+/// # Gradient
+/// By all three; the sizes before the update are constants.
+///
+/// # Errors
+/// When a shape does not fit.
+pub fn with_residuals(attributes: &Tensor, velocities: &Tensor, outputs: &Tensor) -> candle_core::Result<[Tensor; 2]> {
+    let values = attributes.flatten_all()?.to_vec1::<f32>()?;
+    let scales: Vec<f32> = values.as_chunks::<NUM_ATTRIBUTES>().0.iter().flat_map(residual_scale).collect();
+    let scales = Tensor::from_vec(scales, attributes.shape(), outputs.device())?;
+    let by_attribute = (outputs.narrow(1, 0, NUM_ATTRIBUTES)? * scales)?;
+    let by_velocity = (outputs.narrow(1, NUM_ATTRIBUTES, 3)? * f64::from(VELOCITY_RESIDUAL))?;
+    Ok([(attributes + by_attribute)?, (velocities + by_velocity)?])
+}
+
+pub(super) fn rows(chosen: &[usize], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
+    let mut rows = vec![0.0_f32; chosen.len() * width];
+    rows.par_chunks_exact_mut(width).with_min_len(1024).zip(chosen).for_each(|(row, &i)| fill(i, row));
+    rows
+}
+
+pub(super) fn state(set: &GaussianSet, i: usize, row: &mut [f32]) {
+    for (slot, (v, (centre, scale))) in row.iter_mut().zip(set.attributes[i].iter().zip(ATTRIBUTE_SCALE)) {
+        *slot = (v - centre) / scale;
+    }
+    row[NUM_ATTRIBUTES] = set.times[i];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{GaussianSet, NUM_ATTRIBUTES, RawGradient, add_residuals, residual_gradients};
+
+    fn value(k: usize) -> f32 {
+        ((k * 37 + 11) % 101) as f32 / 101.0 - 0.5
+    }
+
+    fn set(n: usize) -> GaussianSet {
+        GaussianSet {
+            attributes: (0..n).map(|i| std::array::from_fn(|k| 4.0 * value(i * 14 + k))).collect(),
+            times: vec![0.0; n],
+            velocities: (0..n).map(|i| std::array::from_fn(|k| value(i * 3 + k + 5))).collect(),
+            num_lidar: n,
+        }
+    }
+
+    fn gradient(n: usize, factor: f32) -> RawGradient {
+        RawGradient {
+            attributes: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 14 + k + 9))).collect(),
+            velocities: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 3 + k + 2))).collect(),
+        }
+    }
+
+    /// `<gradient, update(outputs) - set> = <residual gradient, outputs>`: the update is linear in the outputs.
+    #[test]
+    fn gradients_of_residuals_are_the_transpose_of_their_update() {
+        let (before, chosen, width) = (set(6), [1, 2, 5], NUM_ATTRIBUTES + 3);
+        let outputs: Vec<f32> = (0..chosen.len() * width).map(|k| value(k + 3)).collect();
+        let mut after = before.clone();
+        add_residuals(&mut after, &chosen, &outputs, width);
+        let g = gradient(6, 1.0);
+        let moved = |a: &[f32], b: &[f32], g: &[f32]| {
+            a.iter().zip(b).zip(g).map(|((a, b), g)| f64::from(a - b) * f64::from(*g)).sum::<f64>()
+        };
+        let got: f64 = (0..6)
+            .map(|i| {
+                moved(&after.attributes[i], &before.attributes[i], &g.attributes[i])
+                    + moved(&after.velocities[i], &before.velocities[i], &g.velocities[i])
+            })
+            .sum();
+        let by_outputs = residual_gradients(&before, &chosen, &g, width);
+        let want: f64 = by_outputs.iter().zip(&outputs).map(|(v, o)| f64::from(*v) * f64::from(*o)).sum();
+        assert!((got - want).abs() < 1e-4 * want.abs().max(1.0), "{got} {want}");
+    }
+}

@@ -1,0 +1,180 @@
+//! The rendering loss of a scene over several views, and its gradient by the raw parameters.
+
+use std::time::Instant;
+
+use lgs_formats::image::PixelLabel;
+
+use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
+use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
+use crate::loss::{LossWeights, image_loss, residual_image, velocity_loss};
+use crate::render::{RenderedWithState, backward_visible, blended_sums, render_for_gradient};
+use crate::views::{View, to_f32};
+
+/// Colour behind all Gaussians.
+const BEHIND: [f32; 3] = [0.0; 3];
+
+/// A blending weight below which a Gaussian counts less, pixels.
+const FAINT: f64 = 0.05;
+
+/// Seconds that an objective took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectiveSeconds {
+    /// Drawing the views, and its gradient.
+    pub render: f64,
+    /// The loss of the drawn images, and its gradient.
+    pub loss: f64,
+}
+
+/// The terms of a loss, unweighted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// Mean absolute colour error.
+    pub l1: f64,
+    /// `1 - SSIM`; views without a similarity count 0.
+    pub dissimilarity: f64,
+    /// Mean absolute depth error, metres.
+    pub depth: f64,
+    /// Mean speed of the `LiDAR` branch, metres a second.
+    pub speed: f64,
+}
+
+/// A scene's loss with its gradient.
+#[derive(Clone, Debug)]
+pub struct Objective {
+    /// Mean of the image losses over the views plus the velocity term.
+    pub loss: f64,
+    /// Its terms, the means over the views.
+    pub terms: Terms,
+    /// By the raw parameters; empty when it was not wanted.
+    pub gradient: RawGradient,
+    /// Empty when they were not wanted.
+    pub mean_residuals: MeanResiduals,
+    /// `[N]` whether any view shows the Gaussian's footprint.
+    pub seen: Vec<bool>,
+    /// What it took.
+    pub seconds: ObjectiveSeconds,
+}
+
+/// What is computed beside the loss.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// The loss gradient.
+    pub gradient: bool,
+    /// What every Gaussian sees of the errors.
+    pub mean_residuals: bool,
+}
+
+/// The loss of the scene over `views`, and its gradient.
+///
+/// # Formula
+/// `1/V sum_v L(v) + velocity term` with the weights of [`LossWeights`].
+///
+/// # Gradient
+/// Exact, by all 14 raw attributes and the velocities of both branches; views are added in their order.
+pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Objective {
+    objective_with(set, views, weights, Wanted { gradient: true, mean_residuals: false })
+}
+
+/// As [`objective`], with what is `wanted` beside the loss.
+///
+/// # Formula
+/// Mean residuals: `sum_p (d q_p / d x) r_p / (sum_p w_p + 0.05)` over the pixels p of all views; q colour and depth, w the blending weight,
+/// r the error of the colour and [`residual_image`]'s of the depth. For a colour that is the gradient of half the squared error, over the
+/// weight: the mean error under the Gaussian.
+pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights, wanted: Wanted) -> Objective {
+    let start = Instant::now();
+    let splats: Vec<Splat> = to_physical(set);
+    let mut gradients = Sums::new(if wanted.gradient { splats.len() } else { 0 });
+    let mut residuals = Sums::new(if wanted.mean_residuals { splats.len() } else { 0 });
+    let mut blended = vec![[0.0_f64; 2]; residuals.0.len()];
+    let mut seen = vec![false; splats.len()];
+    let (mut loss, mut terms, mut loss_s) = (0.0, Terms::default(), 0.0);
+    let share = 1.0 / views.len().max(1) as f32;
+    for view in views {
+        let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
+        let before_loss = Instant::now();
+        let (of_view, by_image) = image_loss(&state.images, view, weights);
+        let residual = wanted.mean_residuals.then(|| residual_image(&state.images, view));
+        loss_s += before_loss.elapsed().as_secs_f64();
+        let mean = 1.0 / views.len() as f64;
+        loss += of_view.total * mean;
+        terms.l1 += of_view.l1 * mean;
+        terms.dissimilarity += of_view.ssim.map_or(0.0, |ssim| 1.0 - ssim) * mean;
+        terms.depth += of_view.depth * mean;
+        state.visible().for_each(|i| seen[i] = true);
+        if wanted.gradient {
+            gradients.add(&state, &backward_visible(&splats, &view.pinhole, &state, &by_image), share);
+        }
+        if let Some(residual) = residual {
+            residuals.add(&state, &backward_visible(&splats, &view.pinhole, &state, &residual), 1.0);
+            let maps = [counted_pixels(view), absolute(&residual.rgb)];
+            for (i, [weight, error, ..]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
+                blended[i][0] += weight;
+                blended[i][1] += error;
+            }
+        }
+    }
+    let mut gradient = gradients.raw(set);
+    // The background does not move: its velocities are no variables.
+    let (speed, by_velocity) = velocity_loss(&set.velocities[..set.num_lidar], weights.velocity);
+    for (v, g) in gradient.velocities.iter_mut().zip(&by_velocity) {
+        v.iter_mut().zip(g).for_each(|(v, g)| *v += g);
+    }
+    loss += speed;
+    if weights.velocity > 0.0 {
+        terms.speed = speed / f64::from(weights.velocity);
+    }
+    let mean_residuals = over_weights(residuals.raw(set), &blended);
+    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
+    Objective { loss, terms, gradient, mean_residuals, seen, seconds }
+}
+
+/// Sums over pixels, and those of the weight and of the absolute error, as means under every Gaussian.
+fn over_weights(mut gradient: RawGradient, blended: &[[f64; 2]]) -> MeanResiduals {
+    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities).zip(blended);
+    rows.for_each(|((attributes, velocity), [weight, _])| {
+        let share = to_f32(1.0 / (weight + FAINT));
+        attributes.iter_mut().chain(velocity).for_each(|value| *value *= share);
+    });
+    let weights = blended.iter().map(|[weight, _]| to_f32(*weight)).collect();
+    let errors = blended.iter().map(|[weight, error]| to_f32(error / (weight + FAINT))).collect();
+    MeanResiduals { gradient, weights, errors }
+}
+
+/// `[H, W]` mean magnitude of the three values of every pixel.
+fn absolute(rgb: &[f32]) -> Vec<f32> {
+    rgb.as_chunks::<3>().0.iter().map(|[r, g, b]| (r.abs() + g.abs() + b.abs()) / 3.0).collect()
+}
+
+/// `[H, W]` 1 where a pixel takes part, 0 where it is ignored.
+fn counted_pixels(view: &View) -> Vec<f32> {
+    let labels = view.labels.as_deref().unwrap_or_default();
+    let counts = |&label: &PixelLabel| if label == PixelLabel::Ignored { 0.0 } else { 1.0 };
+    let mut counted: Vec<f32> = labels.iter().map(counts).collect();
+    counted.resize(view.pinhole.width * view.pinhole.height, 1.0);
+    counted
+}
+
+/// Sums over views by physical values.
+struct Sums(Vec<SplatGradient>);
+
+impl Sums {
+    fn new(len: usize) -> Self {
+        Self(vec![SplatGradient::default(); len])
+    }
+
+    /// Adds `factor` times the gradients of what a view shows.
+    fn add(&mut self, state: &RenderedWithState, of_visible: &[SplatGradient], factor: f32) {
+        state.visible().zip(of_visible).for_each(|(i, gradient)| self.0[i].add_scaled(gradient, factor));
+    }
+
+    /// By the raw parameters; the background's velocities have none.
+    fn raw(&self, set: &GaussianSet) -> RawGradient {
+        if self.0.is_empty() {
+            return RawGradient::default();
+        }
+        let (attributes, mut velocities) = to_raw_gradient(set, &self.0);
+        velocities[set.num_lidar..].fill([0.0; 3]);
+        RawGradient { attributes, velocities }
+    }
+}

@@ -1,0 +1,22 @@
+//! Sparse convolution over occupied voxels: submanifold, strided, transposed.
+//!
+//! # Formula
+//! `out[q] = sum_o W[o] in[s q + o]` over the offsets `o` that hit an occupied voxel (cross-correlation).
+//!
+//! # Source
+//! Graham et al., 3D semantic segmentation with submanifold sparse convolutional networks, 2018; Choy et al., Minkowski, 2019.
+
+mod affine;
+mod kernel;
+mod map;
+mod op;
+pub mod reference;
+mod sites;
+mod weight_gradient;
+
+pub use affine::{add_relu, convolve_affine};
+pub use kernel::{Epilogue, PackedWeights, convolve_into};
+pub use map::{Halving, KernelMap};
+pub use op::{by_features, convolve};
+pub use sites::Sites;
+pub use weight_gradient::by_weights;

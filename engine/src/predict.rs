@@ -1,0 +1,197 @@
+//! The first prediction: features of every primitive, the exchange between timestamps, residuals and velocities.
+
+use std::collections::BTreeMap;
+
+use crate::error::Result;
+use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
+use crate::network::buffers::Buffers;
+use crate::network::config::ModelConfig;
+use crate::network::levels::{Levels, voxels_of};
+use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
+use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
+use crate::network::pass::gather;
+use crate::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry};
+use crate::ops::knn::{Neighbours, nearest_other_time};
+
+/// Features of the `LiDAR` branch, and what the next stages need beside them.
+#[derive(Debug)]
+pub struct Features {
+    /// `[N, width]` decoder features; after [`query`] the fused ones.
+    pub rows: Vec<f32>,
+    /// Buffers that the stages share.
+    pub buffers: Buffers,
+}
+
+/// Why the query did not run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QuerySkipped {
+    /// The setting says so.
+    Off,
+    /// The model has none.
+    NotInModel,
+    /// All primitives are of one timestamp: there is nobody to ask.
+    SingleTimestamp,
+}
+
+/// Positions of chosen Gaussians.
+pub fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
+    chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
+}
+
+/// Decoder features of the `LiDAR` branch.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let voxels = voxels_of(positions(set, &chosen), model.config.voxel_size)?;
+    let levels = Levels::new(&voxels, model.config.unet.num_levels())?;
+    let mut buffers = Buffers::default();
+    let sites = model.initial.site_features(&initial_rows(set, &chosen), INITIAL_INPUTS, &levels, &mut buffers);
+    let rows = gather(&sites, &levels, &mut buffers);
+    buffers.give(sites);
+    Ok(Features { rows, buffers })
+}
+
+/// The `k` nearest of other timestamps of every primitive of the `LiDAR` branch; `None` when all are of one.
+///
+/// # Errors
+/// When a position is not finite.
+pub fn other_time_neighbours(set: &GaussianSet, k: usize) -> Result<Option<Neighbours>> {
+    let mut index_of = BTreeMap::new();
+    let times: Vec<u32> = set.times[..set.num_lidar]
+        .iter()
+        .map(|time| {
+            let next = index_of.len();
+            *index_of.entry(time.to_bits()).or_insert(next)
+        })
+        .map(|index| u32::try_from(index).unwrap_or(u32::MAX))
+        .collect();
+    if index_of.len() < 2 {
+        return Ok(None);
+    }
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let points: Vec<[f32; 3]> = positions(set, &chosen).collect();
+    Ok(Some(nearest_other_time(&points, &times, k)?))
+}
+
+/// Lets every primitive ask its nearest of other timestamps; says why where it does not.
+///
+/// # Errors
+/// When a position is not finite.
+pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<QuerySkipped>> {
+    let (Some(query), Some(config)) = (&model.query, &model.config.query) else {
+        return Ok(Some(QuerySkipped::NotInModel));
+    };
+    let Some(neighbours) = other_time_neighbours(set, config.neighbours)? else {
+        return Ok(Some(QuerySkipped::SingleTimestamp));
+    };
+    let fused = query.forward(&features.rows, &neighbours.indices, config.neighbours, &mut features.buffers);
+    let plain = std::mem::replace(&mut features.rows, fused);
+    features.buffers.give(plain);
+    Ok(None)
+}
+
+/// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedModel) -> Result<()> {
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let heads = model.initial.heads();
+    let own = if heads.read_own() { initial_rows(set, &chosen) } else { Vec::new() };
+    let outputs = heads.forward(&features.rows, &own, chosen.len(), &mut features.buffers);
+    add_residuals(set, &chosen, &outputs, heads.num_outputs());
+    features.buffers.give(outputs);
+    let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
+    if chosen.is_empty() {
+        return Ok(());
+    }
+    let voxels = voxels_of(positions(set, &chosen), model.config.background_voxel_size)?;
+    let levels = Levels::new(&voxels, model.config.background_unet.num_levels())?;
+    let (pass, rows) = (&model.background_initial, initial_rows(set, &chosen));
+    let (heads, buffers) = (pass.heads(), &mut features.buffers);
+    let sites = pass.site_features(&rows, BACKGROUND_INITIAL_INPUTS, &levels, buffers);
+    // Linear heads say the same of all points of a site.
+    let (first, outputs) = if heads.read_own() {
+        let by_point = gather(&sites, &levels, buffers);
+        let outputs = heads.forward(&by_point, &rows, chosen.len(), buffers);
+        (by_point, outputs)
+    } else {
+        let by_site = heads.forward(&sites, &[], levels.sites.len(), buffers);
+        let outputs = gather(&by_site, &levels, buffers);
+        (by_site, outputs)
+    };
+    add_residuals(set, &chosen, &outputs, heads.num_outputs());
+    [sites, first, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
+    Ok(())
+}
+
+/// Scores `[N]` of pruning and of adding for the `LiDAR` branch; `None` when the model has no policy.
+///
+/// # Errors
+/// As [`scores_of`].
+pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<[Vec<f32>; 2]>> {
+    let Some(policy) = &model.policy else { return Ok(None) };
+    scores_of(&features.rows, set, policy, &model.config, &mut features.buffers).map(Some)
+}
+
+/// Scores `[N]` of pruning and of adding for the `LiDAR` branch of a scene as predicted.
+///
+/// # Shapes
+/// `features` `[N, width]` decoder features, after the query.
+///
+/// # Errors
+/// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
+pub fn scores_of(
+    features: &[f32],
+    set: &GaussianSet,
+    policy: &FoldedPolicy,
+    config: &ModelConfig,
+    buffers: &mut Buffers,
+) -> Result<[Vec<f32>; 2]> {
+    let chosen: Vec<usize> = (0..set.num_lidar).collect();
+    let Some(inputs) = PolicyInputs::new(features, set, &chosen, config)? else { return Ok([Vec::new(), Vec::new()]) };
+    let found = policy.scores(&inputs.rows, &inputs.geometry, buffers)?;
+    Ok([0, 1].map(|k| inputs.site_of.iter().map(|&site| found[site as usize][k]).collect()))
+}
+
+/// What the policy is given of some primitives.
+#[derive(Debug)]
+pub struct PolicyInputs {
+    /// `[M, width + EXTRA_INPUTS]` by voxel.
+    pub rows: Vec<f32>,
+    /// The voxels.
+    pub geometry: Geometry,
+    /// `[n]` voxel of every primitive.
+    pub site_of: Vec<u32>,
+}
+
+impl PolicyInputs {
+    /// The inputs of `chosen` primitives, which alone fill the voxels; `None` when the model has no policy or nothing is chosen.
+    ///
+    /// # Formula
+    /// `[f', attributes, ln(1 + points in the voxel)]`, averaged over the points of a voxel; voxels of the positions as they are in `set`.
+    ///
+    /// # Shapes
+    /// `features` `[N, width]` of all primitives of the `LiDAR` branch.
+    ///
+    /// # Errors
+    /// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
+    pub fn new(features: &[f32], set: &GaussianSet, chosen: &[usize], config: &ModelConfig) -> Result<Option<Self>> {
+        let Some(policy) = config.policy.as_ref().filter(|_| !chosen.is_empty()) else { return Ok(None) };
+        let levels = Levels::new(&voxels_of(positions(set, chosen), config.voxel_size)?, policy.encoder.len())?;
+        let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
+        let geometry = Geometry::new(&levels.sites, &maps, policy)?;
+        let (width, states) = (config.unet.width(), initial_rows(set, chosen));
+        let mut rows = vec![0.0; chosen.len() * (width + EXTRA_INPUTS)];
+        let parts = chosen.iter().zip(states.chunks_exact(INITIAL_INPUTS)).zip(&levels.site_of);
+        for (row, ((&i, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
+            row[..width].copy_from_slice(&features[i * width..][..width]);
+            row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
+            row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
+        }
+        Ok(Some(Self { rows: levels.mean_of_points(&rows, width + EXTRA_INPUTS), geometry, site_of: levels.site_of }))
+    }
+}

@@ -1,0 +1,217 @@
+//! The learned refinement: render, loss, gradient, network, update, a few times over.
+
+pub mod adam;
+
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::gaussians::{GaussianSet, MEAN, RawGradient};
+use crate::loss::LossWeights;
+use crate::network::buffers::Buffers;
+use crate::network::config::Guidance;
+use crate::network::guide::{Guide, refine_inputs, refine_rows};
+use crate::network::levels::{Levels, voxels_of};
+use crate::network::model::FoldedModel;
+use crate::network::normalise::add_residuals;
+use crate::network::pass::{FoldedPass, gather, with_own};
+use crate::objective::{Objective, Wanted, objective_with};
+use crate::views::View;
+
+/// What a refinement did, and what it left out because the scene did not need it.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct RefineSummary {
+    /// Loss over the input views before each step that was begun, and after the last one when it was measured.
+    pub losses: Vec<f64>,
+    /// Steps whose result was kept.
+    pub steps: usize,
+    /// Whether the refinement ended because a step did not help: it changed nothing, or was taken back as the loss had not fallen.
+    pub stopped_early: bool,
+    /// Gaussians that no input view shows and that were left as they are, in the last step.
+    pub unseen: usize,
+    /// Steps that used the voxel pyramid of the step before, because no primitive had left its voxel.
+    pub pyramids_kept: usize,
+    /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
+    pub non_finite_gradients: usize,
+    /// What it took; no result, so not part of what is written of one.
+    #[serde(skip)]
+    pub seconds: RefineSeconds,
+}
+
+/// Seconds of a refinement by kind of work.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RefineSeconds {
+    /// Drawing the input views, and its gradient.
+    pub render: f64,
+    /// The loss of the drawn views, and its gradient.
+    pub loss: f64,
+    /// The network.
+    pub network: f64,
+}
+
+/// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
+#[derive(Debug, Default)]
+struct Pyramid {
+    kept: Option<(Vec<[i32; 4]>, Levels)>,
+    reused: usize,
+}
+
+impl Pyramid {
+    fn of(&mut self, set: &GaussianSet, range: &[usize], voxel_size: f64, num_levels: usize) -> Result<&Levels> {
+        let positions = range.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]));
+        let voxels = voxels_of(positions, voxel_size)?;
+        let kept = match self.kept.take() {
+            Some((old, levels)) if old == voxels => {
+                self.reused += 1;
+                (old, levels)
+            }
+            _ => {
+                let levels = Levels::new(&voxels, num_levels)?;
+                (voxels, levels)
+            }
+        };
+        Ok(&self.kept.insert(kept).1)
+    }
+}
+
+/// Refines the scene in place over the input views.
+///
+/// # Formula
+/// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. A step after which the loss over the views
+/// has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than its start. A step that
+/// changes nothing ends the loop without being measured.
+///
+/// # Gradient
+/// The loss gradients are inputs of the network and constants.
+///
+/// # Errors
+/// When a position leaves the voxel grid.
+pub fn refine(
+    set: &mut GaussianSet,
+    views: &[&View],
+    model: &FoldedModel,
+    steps: usize,
+    mut progress: impl FnMut(),
+) -> Result<RefineSummary> {
+    refine_and_show(set, views, model, steps, |_| progress())
+}
+
+/// As [`refine`]; `show` is given the scene after every step that was kept.
+///
+/// # Errors
+/// As [`refine`].
+pub fn refine_and_show(
+    set: &mut GaussianSet,
+    views: &[&View],
+    model: &FoldedModel,
+    steps: usize,
+    mut show: impl FnMut(&GaussianSet),
+) -> Result<RefineSummary> {
+    let mut summary = RefineSummary::default();
+    let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
+    if steps == 0 || views.is_empty() || set.is_empty() {
+        return Ok(summary);
+    }
+    let guidance = model.config.guidance;
+    let mut current = measured(set, views, guidance, &mut summary);
+    for _ in 0..steps {
+        let before = set.clone();
+        summary.non_finite_gradients += silence_guide(&mut current, guidance);
+        summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
+        let start = Instant::now();
+        for (branch, pyramid) in pyramids.iter_mut().enumerate() {
+            step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
+        }
+        summary.seconds.network += start.elapsed().as_secs_f64();
+        if *set == before {
+            summary.stopped_early = true;
+            break;
+        }
+        let after = measured(set, views, guidance, &mut summary);
+        // Written so that a loss that is not a number counts as no gain.
+        let fell = after.loss < current.loss;
+        if !fell {
+            *set = before;
+            summary.stopped_early = true;
+            break;
+        }
+        summary.steps += 1;
+        show(set);
+        current = after;
+    }
+    summary.pyramids_kept = pyramids[0].reused;
+    Ok(summary)
+}
+
+/// The objective, noted in the summary.
+fn measured(set: &GaussianSet, views: &[&View], guidance: Guidance, summary: &mut RefineSummary) -> Objective {
+    let found = objective_with(set, views, &LossWeights::default(), wanted(guidance));
+    summary.losses.push(found.loss);
+    summary.seconds.render += found.seconds.render;
+    summary.seconds.loss += found.seconds.loss;
+    found
+}
+
+/// What a model asks of the objective beside the loss.
+pub const fn wanted(guidance: Guidance) -> Wanted {
+    match guidance {
+        Guidance::Gradient => Wanted { gradient: true, mean_residuals: false },
+        Guidance::Residual => Wanted { gradient: false, mean_residuals: true },
+    }
+}
+
+/// What guides a model.
+pub const fn guide(objective: &Objective, guidance: Guidance) -> Guide<'_> {
+    match guidance {
+        Guidance::Gradient => Guide::Gradient(&objective.gradient),
+        Guidance::Residual => Guide::Residual(&objective.mean_residuals),
+    }
+}
+
+/// Sets what guides a model to zero for every Gaussian of which a value is not finite, and counts them.
+pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
+    silence(match guidance {
+        Guidance::Gradient => &mut objective.gradient,
+        Guidance::Residual => &mut objective.mean_residuals.gradient,
+    })
+}
+
+/// One step of one branch.
+fn step(
+    set: &mut GaussianSet,
+    objective: &Objective,
+    model: &FoldedModel,
+    (moving, pyramid): (bool, &mut Pyramid),
+    buffers: &mut Buffers,
+) -> Result<()> {
+    let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
+    let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
+    if seen.is_empty() {
+        return Ok(());
+    }
+    let config = &model.config;
+    let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
+        (&model.refine, refine_inputs(config.guidance, true), config.voxel_size, &config.unet)
+    } else {
+        let inputs = refine_inputs(config.guidance, false);
+        (&model.background_refine, inputs, config.background_voxel_size, &config.background_unet)
+    };
+    let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
+    let rows = refine_rows(set, guide(objective, config.guidance), &seen, moving);
+    let by_site = pass.site_features(&rows.inputs, cin, levels, buffers);
+    let mut features = gather(&by_site, levels, buffers);
+    let heads = pass.heads();
+    if !heads.read_own() {
+        with_own(&mut features, &rows.own, seen.len());
+    }
+    let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
+    add_residuals(set, &seen, &outputs, heads.num_outputs());
+    [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
+    Ok(())
+}
+
+/// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
+pub fn silence(gradient: &mut RawGradient) -> usize {
+    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
+    let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
+    spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()
+}

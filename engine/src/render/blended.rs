@@ -1,0 +1,184 @@
+//! Maps summed under the blending weights of every Gaussian.
+
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::RenderedWithState;
+use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::lanes::{Broadcast, RowSpan};
+use super::project::Footprint;
+use super::tiles::TileLists;
+
+/// Maps that one pass over the tiles takes.
+pub const MAPS: usize = 6;
+type Sums = [f32; MAPS];
+
+/// Sums of up to [`MAPS`] maps under the weights with which each visible Gaussian was blended.
+///
+/// # Shapes
+/// `maps` of `[H, W]`; result `[num_visible, MAPS]`, in the order of [`RenderedWithState::visible`], 0 beyond the maps.
+///
+/// # Formula
+/// `sum_p w_i(p) m(p)`, `w_i = alpha_i T_i` as [`render`](super::render) blends: per tile in f32, over the tiles in f64.
+pub fn blended_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; MAPS]> {
+    let lists = &state.lists;
+    let by_entry = entry_sums(state, maps);
+    let of_visible = |visible: usize| {
+        let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
+        let mut sums = [0.0; MAPS];
+        for &slot in slots {
+            sums.iter_mut().zip(&by_entry[slot as usize]).for_each(|(sum, &part)| *sum += f64::from(part));
+        }
+        sums
+    };
+    (0..lists.footprints.len()).into_par_iter().with_min_len(1024).map(of_visible).collect()
+}
+
+/// Sums of every intersection of a Gaussian and a tile, in the order of the lists.
+fn entry_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<Sums> {
+    let lists = &state.lists;
+    let mut all = vec![[0.0_f32; MAPS]; lists.entries.len()];
+    let mut rest = all.as_mut_slice();
+    let mut per_tile = Vec::with_capacity(lists.grid.num_tiles());
+    for pair in lists.first_entry.windows(2) {
+        let (head, tail) = std::mem::take(&mut rest).split_at_mut((pair[1] - pair[0]) as usize);
+        per_tile.push(head);
+        rest = tail;
+    }
+    let arch = pulp::Arch::new();
+    per_tile.into_par_iter().enumerate().filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
+        let mut planes = [0.0_f32; (MAPS + 1) * TILE_PIXELS];
+        load(&mut planes, state, maps, lists.grid.origin(tile));
+        let stops = state.stops_of(tile);
+        arch.dispatch(TileSums { lists, tile, stops, planes: &mut planes, out });
+    });
+    all
+}
+
+/// Fills the tile's planes with the maps, and the last one with the transmittance in front of everything.
+fn load(planes: &mut [f32], state: &RenderedWithState, maps: &[&[f32]], origin: [usize; 2]) {
+    let (width, height) = (state.images.width, state.images.height);
+    for (map, plane) in maps.iter().zip(planes.chunks_exact_mut(TILE_PIXELS)) {
+        for y in 0..TILE_HEIGHT.min(height - origin[1]) {
+            let from = (origin[1] + y) * width + origin[0];
+            let len = TILE_WIDTH.min(width - origin[0]);
+            plane[y * TILE_WIDTH..][..len].copy_from_slice(&map[from..from + len]);
+        }
+    }
+    planes[MAPS * TILE_PIXELS..].fill(1.0);
+}
+
+struct TileSums<'a> {
+    lists: &'a TileLists,
+    tile: usize,
+    /// List position that ended each pixel.
+    stops: &'a [f32],
+    planes: &'a mut [f32],
+    out: &'a mut [Sums],
+}
+
+impl WithSimd for TileSums<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lists, tile, stops, planes, out } = self;
+        let origin = lists.grid.origin(tile);
+        let broadcast = Broadcast::new(simd);
+        let planes = S::as_mut_simd_f32s(planes).0;
+        let stops = S::as_simd_f32s(stops).0;
+        let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
+        for (position, (&entry, out)) in lists.entries_of(tile).iter().zip(out).enumerate() {
+            if position as f32 >= last {
+                return;
+            }
+            let footprint = &lists.footprints[entry as usize];
+            *out = gather(simd, &broadcast, (&mut *planes, stops), footprint, &origin, position as f32);
+        }
+    }
+}
+
+/// The sums of one Gaussian over the tile; moves the transmittance behind it.
+#[inline(always)]
+fn gather<S: Simd>(
+    simd: S,
+    broadcast: &Broadcast<S>,
+    (planes, stops): (&mut [S::f32s], &[S::f32s]),
+    f: &Footprint,
+    origin: &[usize; 2],
+    position: f32,
+) -> Sums {
+    let per_plane = TILE_PIXELS / S::F32_LANES;
+    let per_row = TILE_WIDTH / S::F32_LANES;
+    let (maps, transmittance) = planes.split_at_mut(MAPS * per_plane);
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let position = simd.splat_f32s(position);
+    let mut sums = [zero; MAPS];
+    for row in f.rows_in(origin[1]) {
+        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+            let i = row * per_row + chunk;
+            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+            let alpha = simd.select_f32s(live, a.alpha, zero);
+            let w = simd.mul_f32s(alpha, transmittance[i]);
+            transmittance[i] = simd.mul_f32s(transmittance[i], simd.sub_f32s(one, alpha));
+            for (map, sum) in sums.iter_mut().enumerate() {
+                *sum = simd.mul_add_f32s(w, maps[map * per_plane + i], *sum);
+            }
+        }
+    }
+    let mut out = [0.0; MAPS];
+    for (out, sum) in out.iter_mut().zip(sums) {
+        *out = simd.reduce_sum_f32s(sum);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussians::physical::Splat;
+    use crate::render::{ImageGradient, backward, render_for_gradient};
+    use crate::views::PinholeView;
+
+    /// The gradient by a colour is the sum of the image's gradient under the blending weights.
+    #[test]
+    fn sums_are_those_of_the_colour_gradient() {
+        let view = PinholeView {
+            width: 50,
+            height: 37,
+            fx: 40.0,
+            fy: 40.0,
+            cx: 25.0,
+            cy: 18.0,
+            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            time: 0.0,
+        };
+        let at = |i: usize, salt: f32| (i as f32 * 78.233 + salt).sin() * 43_758.547 % 1.0;
+        let splat = |i: usize| Splat {
+            mean: [2.0 * at(i, 0.1), 1.5 * at(i, 0.7), 3.0 + at(i, 1.3)],
+            quat: [1.0, at(i, 2.0), 0.3, 0.0],
+            scale: [0.15, 0.3, 0.1],
+            opacity: 0.9 * at(i, 5.0).abs(),
+            ..Splat::default()
+        };
+        let splats: Vec<Splat> = (0..200).map(splat).collect();
+        let state = render_for_gradient(&splats, &view, [0.0; 3]);
+        let maps: Vec<Vec<f32>> = (0..5).map(|m| (0..50 * 37).map(|p| at(p, m as f32)).collect()).collect();
+        let refs: Vec<&[f32]> = maps.iter().map(Vec::as_slice).collect();
+        let got = blended_sums(&state, &refs);
+        assert_eq!(got.len(), state.visible().count());
+        for group in 0..2 {
+            let of = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);
+            let rgb = (0..50 * 37).flat_map(|p| [of(p, 0), of(p, 1), of(p, 2)]).collect();
+            let want = backward(&splats, &view, &state, &ImageGradient { rgb, ..ImageGradient::default() });
+            for (i, sums) in state.visible().zip(&got) {
+                for (k, sum) in sums[3 * group..3 * group + 3].iter().enumerate() {
+                    let want = f64::from(want[i].colour[k]);
+                    assert!((sum - want).abs() < 1e-4 * (1.0 + want.abs()), "map {k} Gaussian {i}: {sum} {want}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! An inspection for people.
+
+use std::fmt;
+
+use super::{CameraReport, Report};
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let line = |f: &mut fmt::Formatter<'_>, name: &str, value: &str| writeln!(f, "  {name:<18} {value}");
+        writeln!(f, "{}", self.clip)?;
+        line(f, "source", &self.source)?;
+        line(f, "licence", &self.licence)?;
+        line(
+            f,
+            "frames",
+            &format!("{} over {:.2} s, {:.1} m driven", self.num_frames, self.duration_s, self.lidar.path_m),
+        )?;
+        let (points, rate) = (self.lidar.num_points, hertz(self.lidar.rate_hz));
+        line(f, "LiDAR", &format!("{:.0} to {:.0} points a sweep{rate}", points.min, points.max))?;
+        let (min, max) = (self.lidar.extent_min, self.lidar.extent_max);
+        let extent = |axis: usize| format!("{:.0} to {:.0}", min[axis], max[axis]);
+        line(f, "extent", &format!("x {}, y {}, z {} m", extent(0), extent(1), extent(2)))?;
+        for camera in &self.cameras {
+            line(f, &camera.name, &of_camera(camera))?;
+        }
+        if !self.cameras.is_empty() {
+            line(f, "seen by no camera", &format!("{:.0} % of the points", self.unseen_share * 100.0))?;
+        }
+        match &self.boxes {
+            Some(boxes) => {
+                let kinds: Vec<String> =
+                    boxes.categories.iter().map(|(name, count)| format!("{count} {name}")).collect();
+                line(f, "tracks", &format!("{} ({})", boxes.num_tracks, kinds.join(", ")))?;
+            }
+            None => line(f, "tracks", "none given")?,
+        }
+        for warning in &self.warnings {
+            line(f, "look at", warning)?;
+        }
+        Ok(())
+    }
+}
+
+fn hertz(rate: Option<f64>) -> String {
+    rate.map_or(String::new(), |rate| format!(", {rate:.1} Hz"))
+}
+
+fn of_camera(camera: &CameraReport) -> String {
+    let (offset, share) = (camera.offset_ms, camera.visible_share.mean * 100.0);
+    let mut text = format!(
+        "{} images of {}x{}{}, {:+.0} ms to the sweep, sees {share:.0} % of the points",
+        camera.num_images,
+        camera.height,
+        camera.width,
+        hertz(camera.rate_hz),
+        offset.mean,
+    );
+    for (has, word) in [(camera.distorted, ", distorted"), (camera.masked, ", masked")] {
+        if has {
+            text += word;
+        }
+    }
+    text
+}

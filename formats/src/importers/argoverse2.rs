@@ -1,0 +1,227 @@
+//! Argoverse 2 sensor logs: feather tables of calibration, poses and annotations, `sensors/lidar/`, `sensors/cameras/`.
+//!
+//! # Source
+//! argoverse/av2-api, `src/av2/datasets/sensor` and `geometry/camera/pinhole_camera.py`: sweeps are in the vehicle's frame at
+//! the sweep's own time, images are undistorted already (its issues 219 and 226), so that `k1..k3` describe a lens that
+//! no file shows any more. Principal points count from the centre of the first pixel: half a pixel is added.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    Source,
+    feather::read_feather,
+    folder_name,
+    nearest::{Shot, image_of_each},
+    table::Table,
+    trajectory::{Moment, Trajectory},
+    values::{At, Numbered, entries, numbered},
+};
+use crate::{
+    camera::{Camera, Intrinsics},
+    clip::{CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip_dir::SweepDecoder,
+    error::{FormatError, Result},
+    pose::Pose,
+    sweep::Sweep,
+};
+
+const MOUNTS: &str = "calibration/egovehicle_SE3_sensor.feather";
+const INTRINSICS: &str = "calibration/intrinsics.feather";
+const POSES: &str = "city_SE3_egovehicle.feather";
+const SWEEPS: &str = "sensors/lidar";
+const CAMERAS: &str = "sensors/cameras";
+/// The upper of the two `LiDARs`, which stand on each other: the sweep's origin.
+const ORIGIN: &str = "up_lidar";
+/// Farthest that an image may be from its sweep, seconds: half a revolution of the LiDAR.
+const REACH: f64 = 0.05;
+const POSE_COLUMNS: [&str; 7] = ["qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m"];
+
+/// Whether a folder is a log.
+pub(super) fn is_of(folder: &Path) -> bool {
+    folder.join(POSES).is_file() && folder.join(SWEEPS).is_dir()
+}
+
+/// The clip of a log.
+pub(super) fn read(folder: &Path) -> Result<Source> {
+    let mounts = mounts(&folder.join(MOUNTS))?;
+    // Only the place: with the vehicle's axes x is forward.
+    let origin = mounts.get(ORIGIN).map_or(DVec3::ZERO, |pose| pose.translation());
+    let vehicle_from_lidar = Pose::new(DMat3::IDENTITY, origin);
+    let trajectory = trajectory(&folder.join(POSES))?;
+    let mut boxes = boxes(&folder.join("annotations.feather"))?;
+    let sweeps = numbered(&folder.join(SWEEPS), &[".feather"])?;
+    let times: Vec<f64> = sweeps.iter().map(|sweep| seconds(sweep.number)).collect();
+    let mut frames = Vec::with_capacity(sweeps.len());
+    for sweep in &sweeps {
+        let timestamp = seconds(sweep.number);
+        let world_from_vehicle = trajectory.at(timestamp)?;
+        let of_frame = boxes.as_mut().map(|boxes| {
+            let mut found = boxes.remove(&sweep.number).unwrap_or_default();
+            found.iter_mut().for_each(|b| b.world_from_box = world_from_vehicle * b.world_from_box);
+            found
+        });
+        let file = Path::new(SWEEPS).join(&sweep.name);
+        let lidar = LidarRecord { file, timestamp, world_from_lidar: world_from_vehicle * vehicle_from_lidar };
+        frames.push(Frame { lidar, cameras: Vec::new(), boxes: of_frame });
+    }
+    for sensor in sensors(folder, &mounts)? {
+        let shots: Vec<Shot> =
+            sensor.files.iter().enumerate().map(|(image, file)| Shot { image, time: seconds(file.number) }).collect();
+        for (frame, image) in frames.iter_mut().zip(image_of_each(&times, &shots, REACH)) {
+            if let Some(image) = image {
+                frame.cameras.push(sensor.record(&sensor.files[image], &trajectory)?);
+            }
+        }
+    }
+    let name = folder_name(folder);
+    let source = format!("Argoverse 2 sensor, log {name}");
+    let clip = Clip { name, source, licence: "CC BY-NC-SA 4.0 (Argoverse)".to_owned(), frames };
+    Ok(Source { root: folder.to_owned(), clip, decoder: Arc::new(Decoder { origin }) })
+}
+
+/// Seconds of a count of nanoseconds.
+#[expect(clippy::cast_precision_loss, reason = "2^-22 s at the clock's 3e8 s")]
+fn seconds(nanoseconds: u64) -> f64 {
+    nanoseconds as f64 / 1e9
+}
+
+fn pose_of(file: &Path, row: usize, [w, x, y, z, tx, ty, tz]: [f64; 7]) -> Result<Pose> {
+    At { file, field: &format!("row {row}") }.pose([w, x, y, z], [tx, ty, tz])
+}
+
+fn mounts(file: &Path) -> Result<BTreeMap<String, Pose>> {
+    let table = read_feather(file)?;
+    let rows = table.rows(POSE_COLUMNS)?;
+    let of_row = |(row, values)| Ok((table.text("sensor_name", row)?.to_owned(), pose_of(file, row, values)?));
+    rows.into_iter().enumerate().map(of_row).collect()
+}
+
+fn trajectory(file: &Path) -> Result<Trajectory> {
+    let table = read_feather(file)?;
+    let rows = table.rows(POSE_COLUMNS)?;
+    let of_row = |(row, (values, &time))| {
+        let time = seconds(moment(file, row, time)?);
+        Ok(Moment { time, pose: pose_of(file, row, values)? })
+    };
+    let moments = rows.into_iter().zip(table.ints("timestamp_ns")?).enumerate().map(of_row).collect::<Result<_>>()?;
+    Trajectory::new(file, moments)
+}
+
+fn moment(file: &Path, row: usize, nanoseconds: i64) -> Result<u64> {
+    let error = |_e| FormatError::invalid(file, format!("timestamp_ns[{row}]"), "a count", nanoseconds.to_string());
+    u64::try_from(nanoseconds).map_err(error)
+}
+
+/// Boxes by the sweep's count of nanoseconds, in the vehicle's frame; `None` when there is no such file.
+fn boxes(file: &Path) -> Result<Option<BTreeMap<u64, Vec<TrackedBox>>>> {
+    if !file.exists() {
+        return Ok(None);
+    }
+    let table = read_feather(file)?;
+    let (poses, sizes) = (table.rows(POSE_COLUMNS)?, table.rows(["length_m", "width_m", "height_m"])?);
+    let mut boxes: BTreeMap<u64, Vec<TrackedBox>> = BTreeMap::new();
+    for (row, (&time, (pose, size))) in table.ints("timestamp_ns")?.iter().zip(poses.into_iter().zip(sizes)).enumerate()
+    {
+        let tracked = TrackedBox {
+            track: table.text("track_uuid", row)?.to_owned(),
+            category: table.text("category", row)?.to_owned(),
+            size,
+            world_from_box: pose_of(file, row, pose)?,
+        };
+        boxes.entry(moment(file, row, time)?).or_default().push(tracked);
+    }
+    Ok(Some(boxes))
+}
+
+/// A camera of a log.
+struct Sensor {
+    name: String,
+    files: Vec<Numbered>,
+    intrinsics: Intrinsics,
+    size: [u32; 2],
+    vehicle_from_camera: Pose,
+}
+
+impl Sensor {
+    fn record(&self, file: &Numbered, trajectory: &Trajectory) -> Result<CameraRecord> {
+        let timestamp = seconds(file.number);
+        let [width, height] = self.size;
+        let camera = Camera {
+            name: self.name.clone(),
+            timestamp,
+            width,
+            height,
+            intrinsics: self.intrinsics,
+            distortion: None,
+            world_from_camera: trajectory.at(timestamp)? * self.vehicle_from_camera,
+        };
+        Ok(CameraRecord { file: PathBuf::from(format!("{CAMERAS}/{}/{}", self.name, file.name)), mask: None, camera })
+    }
+}
+
+/// The cameras that have images.
+fn sensors(folder: &Path, mounts: &BTreeMap<String, Pose>) -> Result<Vec<Sensor>> {
+    if !folder.join(CAMERAS).is_dir() {
+        return Ok(Vec::new());
+    }
+    let file = folder.join(INTRINSICS);
+    let table: Table = read_feather(&file)?;
+    let rows = table.rows(["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"])?;
+    let names = (0..table.len()).map(|row| table.text("sensor_name", row)).collect::<Result<Vec<_>>>()?;
+    let of_name = |name: String| {
+        let row = names.iter().position(|found| *found == name);
+        let (Some(row), Some(&vehicle_from_camera)) = (row, mounts.get(&name)) else {
+            return Err(FormatError::invalid(&file, "sensor_name", format!("`{name}`"), names.join(", ")));
+        };
+        let [fx, fy, cx, cy, width, height] = rows[row];
+        let side = |value: f64, key: &str| {
+            pixels(value).ok_or_else(|| {
+                FormatError::invalid(&file, format!("{key}[{row}]"), "a number of pixels", value.to_string())
+            })
+        };
+        Ok(Sensor {
+            files: numbered(&folder.join(CAMERAS).join(&name), &[".jpg", ".png"])?,
+            name,
+            intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
+            size: [side(width, "width_px")?, side(height, "height_px")?],
+            vehicle_from_camera,
+        })
+    };
+    let names_there = entries(&folder.join(CAMERAS), &[""])?;
+    names_there.into_iter().filter(|name| folder.join(CAMERAS).join(name).is_dir()).map(of_name).collect()
+}
+
+/// A whole number of pixels.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and within the range of u32")]
+fn pixels(value: f64) -> Option<u32> {
+    (value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value)).then_some(value as u32)
+}
+
+/// Sweeps in feather files, in the vehicle's frame.
+#[derive(Debug)]
+struct Decoder {
+    /// The LiDAR in the vehicle's frame, metres.
+    origin: DVec3,
+}
+
+impl SweepDecoder for Decoder {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "metres and intensities of a sensor, kept as f32 by the format"
+    )]
+    fn decode(&self, path: &Path, _record: &LidarRecord) -> Result<Sweep> {
+        let rows = read_feather(path)?.rows(["x", "y", "z", "intensity"])?;
+        let o = self.origin;
+        Sweep::of_rows(
+            path,
+            rows.into_iter()
+                .map(|[x, y, z, intensity]| [x - o.x, y - o.y, z - o.z, intensity].map(|value| value as f32)),
+        )
+    }
+}

@@ -1,0 +1,166 @@
+//! KITTI raw: a date's calibration, and its drives with `image_0x/`, `velodyne_points/` and `oxts/` or `poses.txt`.
+//!
+//! # Source
+//! A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and the readme of its raw development kit. Images of
+//! `_sync` drives are rectified; `P_rect` counts pixels from the centre of the first one, so that half a pixel is added.
+
+mod calibration;
+mod motion;
+mod tracklets;
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use calibration::Calibration;
+use motion::Motion;
+
+use super::{
+    Source,
+    values::{At, entries, numbered, read_text},
+};
+use crate::{
+    camera::{Camera, Intrinsics},
+    clip::{CameraRecord, Clip, Frame, LidarRecord},
+    clip_dir::SweepDecoder,
+    error::{FormatError, Result},
+    sweep::{Sweep, read_sweep},
+};
+
+const CALIBRATION: &str = "calib_cam_to_cam.txt";
+const SWEEPS: &str = "velodyne_points";
+const IMAGE_ENDINGS: [&str; 3] = [".png", ".jpg", ".jpeg"];
+
+/// Whether a folder is a drive, or a date with one drive.
+pub(super) fn is_of(folder: &Path) -> bool {
+    drive_of(folder).is_ok()
+}
+
+/// The drive that a folder is or that is the only one in it, at most two levels down.
+fn drive_of(folder: &Path) -> Result<PathBuf> {
+    let is_drive = |place: &Path| place.join(SWEEPS).is_dir() && place.join("..").join(CALIBRATION).is_file();
+    if is_drive(folder) {
+        return Ok(folder.to_owned());
+    }
+    let below = |place: &Path| -> Result<Vec<PathBuf>> {
+        Ok(entries(place, &[""])?.into_iter().map(|name| place.join(name)).filter(|path| path.is_dir()).collect())
+    };
+    let mut drives = Vec::new();
+    for place in below(folder)? {
+        if is_drive(&place) {
+            drives.push(place);
+        } else {
+            drives.extend(below(&place)?.into_iter().filter(|place| is_drive(place)));
+        }
+    }
+    match drives.as_slice() {
+        [one] => Ok(one.clone()),
+        other => Err(FormatError::invalid(folder, "drive", "one folder `*_drive_*_sync`", other.len().to_string())),
+    }
+}
+
+/// The clip of a drive.
+pub(super) fn read(folder: &Path) -> Result<Source> {
+    let drive = drive_of(folder)?;
+    let date = drive.join("..");
+    let calibration = Calibration::read(&date)?;
+    let times = Times::read(&drive.join(SWEEPS).join("timestamps.txt"))?;
+    let motion = Motion::read(&drive, &date, &calibration)?;
+    let mut sensors = Vec::new();
+    for name in entries(&drive, &[""])?.into_iter().filter(|name| name.starts_with("image_0")) {
+        sensors.push(Sensor::read(&drive, name, &calibration)?);
+    }
+    let mut boxes = tracklets::read(&drive.join("tracklet_labels.xml"))?;
+    let mut frames = Vec::new();
+    for sweep in numbered(&drive.join(SWEEPS).join("data"), &[".bin"])? {
+        let timestamp = times.of(sweep.number)?;
+        let world_from_lidar = motion.world_from_lidar(sweep.number, timestamp)?;
+        let file = PathBuf::from(format!("{SWEEPS}/data/{}", sweep.name));
+        let lidar = LidarRecord { file, timestamp, world_from_lidar };
+        let cameras = sensors.iter().filter_map(|sensor| sensor.record(sweep.number, &motion).transpose());
+        let boxes = boxes.as_mut().map(|boxes| {
+            let mut found = boxes.remove(&sweep.number).unwrap_or_default();
+            found.iter_mut().for_each(|b| b.world_from_box = world_from_lidar * b.world_from_box);
+            found
+        });
+        frames.push(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes });
+    }
+    let name = super::folder_name(&drive);
+    let clip =
+        Clip { source: format!("KITTI raw, {name}"), name, licence: "CC BY-NC-SA 3.0 (KITTI)".to_owned(), frames };
+    Ok(Source { root: drive, clip, decoder: Arc::new(Decoder) })
+}
+
+/// Moments of a sensor's files by their numbers: line N of `timestamps.txt` is of file N.
+#[derive(Debug)]
+struct Times {
+    file: PathBuf,
+    text: String,
+}
+
+impl Times {
+    fn read(file: &Path) -> Result<Self> {
+        Ok(Self { file: file.to_owned(), text: read_text(file)? })
+    }
+
+    /// Seconds since 1970.
+    #[expect(clippy::cast_precision_loss, reason = "microseconds since 1970 are below 2^53")]
+    fn of(&self, number: u64) -> Result<f64> {
+        let line = usize::try_from(number).ok().and_then(|n| self.text.lines().nth(n)).unwrap_or_default().trim();
+        let at = At { file: &self.file, field: &format!("line {}", number + 1) };
+        at.micros(line, "%Y-%m-%d %H:%M:%S%.f").map(|micros| micros as f64 / 1e6)
+    }
+}
+
+/// A camera of a drive.
+#[derive(Debug)]
+struct Sensor {
+    name: String,
+    /// The files by their numbers.
+    files: Vec<super::values::Numbered>,
+    times: Times,
+    rectified: calibration::Rectified,
+    size: [u32; 2],
+}
+
+impl Sensor {
+    fn read(drive: &Path, name: String, calibration: &Calibration) -> Result<Self> {
+        let folder = drive.join(&name).join("data");
+        let files = numbered(&folder, &IMAGE_ENDINGS)?;
+        let first = files.first().ok_or_else(|| FormatError::invalid(&folder, "images", "at least one", "none"))?;
+        let size = crate::image::dimensions(&folder.join(&first.name))?;
+        let rectified = calibration.rectified(name.trim_start_matches("image_"))?;
+        let times = Times::read(&drive.join(&name).join("timestamps.txt"))?;
+        Ok(Self { name, files, times, rectified, size })
+    }
+
+    /// The image of number `number`, if there is one.
+    fn record(&self, number: u64, motion: &Motion) -> Result<Option<CameraRecord>> {
+        let Ok(index) = self.files.binary_search_by_key(&number, |file| file.number) else { return Ok(None) };
+        let timestamp = self.times.of(number)?;
+        let [width, height] = self.size;
+        let Intrinsics { fx, fy, cx, cy } = self.rectified.intrinsics;
+        let camera = Camera {
+            name: self.name.clone(),
+            timestamp,
+            width,
+            height,
+            intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
+            distortion: None,
+            world_from_camera: motion.world_from_camera_0(number, timestamp)? * self.rectified.camera_0_from_this,
+        };
+        let file = PathBuf::from(format!("{}/data/{}", self.name, self.files[index].name));
+        Ok(Some(CameraRecord { file, mask: None, camera }))
+    }
+}
+
+/// Sweeps as this project's own: f32 `x, y, z, reflectance`.
+#[derive(Debug)]
+struct Decoder;
+
+impl SweepDecoder for Decoder {
+    fn decode(&self, path: &Path, _record: &LidarRecord) -> Result<Sweep> {
+        read_sweep(path)
+    }
+}

@@ -1,0 +1,231 @@
+//! `PandaSet` sequences: `lidar/` and `annotations/cuboids/` of pickled frames of pandas, `camera/` of JPEG images.
+//!
+//! Points lie in the world, and two `LiDARs` measured them: those of the turning Pandar64 (`d = 0`) are taken, as they share
+//! one origin and one moment; those of the forward-looking `PandarGT` have others. An object seen by both has two boxes, of
+//! which the Pandar64's is kept.
+//!
+//! # Source
+//! scaleapi/pandaset-devkit: `python/pandaset`, and `docs/static_extrinsic_calibration.yaml` for the lenses. Images are as
+//! taken, distorted; calibration follows `OpenCV`, which counts from the centre of the first pixel: half a pixel is added.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::{
+    Source, folder_name,
+    pickle::read_frame,
+    values::{At, Numbered, entries, numbered, read_json, yaw},
+};
+use crate::{
+    camera::{Camera, Distortion, Intrinsics},
+    clip::{CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip_dir::SweepDecoder,
+    error::{FormatError, Result},
+    pose::Pose,
+    sweep::Sweep,
+};
+
+const FRAME_ENDINGS: [&str; 2] = [".pkl.gz", ".pkl"];
+const CUBOIDS: &str = "annotations/cuboids";
+/// `d` of points and `cuboids.sensor_id` of boxes of the turning LiDAR.
+const PANDAR64: i64 = 0;
+/// `cuboids.sensor_id` of boxes of the forward-looking LiDAR.
+const PANDAR_GT: i64 = 1;
+
+/// A camera and its lens.
+struct Lens {
+    camera: &'static str,
+    distortion: [f64; 5],
+}
+
+/// The lenses of the data set, one car for all sequences.
+const LENSES: [Lens; 6] = [
+    Lens { camera: "back_camera", distortion: [-0.1619, 0.0113, -0.000_288_15, -7.9827e-05, 0.0067] },
+    Lens { camera: "front_camera", distortion: [-0.5894, 0.66, 0.0011, -0.001, -1.0088] },
+    Lens { camera: "front_left_camera", distortion: [-0.165, 0.0099, -0.000_753_76, 5.3699e-05, 0.01] },
+    Lens { camera: "front_right_camera", distortion: [-0.1614, -0.0027, -0.000_296_62, -0.000_289_27, 0.0181] },
+    Lens { camera: "left_camera", distortion: [-0.1582, -0.0266, -0.000_152_21, 0.000_590_11, 0.0449] },
+    Lens { camera: "right_camera", distortion: [-0.1648, 0.0191, 0.0027, -8.5282e-07, -9.6983e-05] },
+];
+
+/// Whether a folder is a sequence.
+pub(super) fn is_of(folder: &Path) -> bool {
+    let lidar = folder.join("lidar");
+    lidar.join("poses.json").is_file() && entries(&lidar, &FRAME_ENDINGS).is_ok_and(|names| !names.is_empty())
+}
+
+/// The clip of a sequence.
+pub(super) fn read(folder: &Path) -> Result<Source> {
+    let sweeps = Sensor::read(folder, "lidar", &FRAME_ENDINGS)?;
+    let mut cameras = Vec::new();
+    for name in entries(&folder.join("camera"), &[""]).unwrap_or_default() {
+        cameras.push(Images::read(folder, &name)?);
+    }
+    let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).ok();
+    let mut frames = Vec::with_capacity(sweeps.files.len());
+    for (index, file) in sweeps.files.iter().enumerate() {
+        let lidar = LidarRecord {
+            file: Path::new("lidar").join(&file.name),
+            timestamp: sweeps.times[index],
+            world_from_lidar: sweeps.pose(index)?,
+        };
+        let cameras = cameras.iter().filter_map(|images| images.record(file.number).transpose());
+        let boxes = boxes.as_ref().map(|boxes| match boxes.binary_search_by_key(&file.number, |b| b.number) {
+            Ok(place) => cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)),
+            Err(_) => Ok(Vec::new()),
+        });
+        frames.push(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes: boxes.transpose()? });
+    }
+    let name = format!("pandaset_{}", folder_name(folder));
+    let source = format!("PandaSet, sequence {}", folder_name(folder));
+    let clip = Clip { name, source, licence: "PandaSet terms of use".to_owned(), frames };
+    Ok(Source { root: folder.to_owned(), clip, decoder: Arc::new(Decoder) })
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct PoseJson {
+    position: Vector,
+    heading: Quaternion,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct Vector {
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct Quaternion {
+    w: f64,
+    x: f64,
+    y: f64,
+    z: f64,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct IntrinsicsJson {
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+}
+
+/// A folder of files with a pose and a moment each.
+struct Sensor {
+    poses_file: PathBuf,
+    files: Vec<Numbered>,
+    poses: Vec<PoseJson>,
+    times: Vec<f64>,
+}
+
+impl Sensor {
+    fn read(folder: &Path, name: &str, endings: &[&str]) -> Result<Self> {
+        let place = folder.join(name);
+        let files = numbered(&place, endings)?;
+        let (poses_file, times_file) = (place.join("poses.json"), place.join("timestamps.json"));
+        let poses: Vec<PoseJson> = read_json(&poses_file)?;
+        let times: Vec<f64> = read_json(&times_file)?;
+        for (file, found) in [(&poses_file, poses.len()), (&times_file, times.len())] {
+            if found != files.len() {
+                let expected = format!("one entry for each of the {} files of `{name}`", files.len());
+                return Err(FormatError::invalid(file, "entries", expected, found.to_string()));
+            }
+        }
+        Ok(Self { poses_file, files, poses, times })
+    }
+
+    fn pose(&self, index: usize) -> Result<Pose> {
+        let PoseJson { position: p, heading: h } = self.poses[index];
+        let at = At { file: &self.poses_file, field: &format!("[{index}]") };
+        at.pose([h.w, h.x, h.y, h.z], [p.x, p.y, p.z])
+    }
+}
+
+/// The images of a camera.
+struct Images {
+    name: String,
+    sensor: Sensor,
+    intrinsics: IntrinsicsJson,
+    size: [u32; 2],
+}
+
+impl Images {
+    fn read(folder: &Path, name: &str) -> Result<Self> {
+        let place = format!("camera/{name}");
+        let sensor = Sensor::read(folder, &place, &[".jpg", ".png"])?;
+        let intrinsics = read_json(&folder.join(&place).join("intrinsics.json"))?;
+        let size = match sensor.files.first() {
+            Some(file) => crate::image::dimensions(&folder.join(&place).join(&file.name))?,
+            None => [0, 0],
+        };
+        Ok(Self { name: name.to_owned(), sensor, intrinsics, size })
+    }
+
+    fn record(&self, number: u64) -> Result<Option<CameraRecord>> {
+        let Ok(index) = self.sensor.files.binary_search_by_key(&number, |file| file.number) else { return Ok(None) };
+        let IntrinsicsJson { fx, fy, cx, cy } = self.intrinsics;
+        let [width, height] = self.size;
+        let camera = Camera {
+            name: self.name.clone(),
+            timestamp: self.sensor.times[index],
+            width,
+            height,
+            intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
+            distortion: LENSES.iter().find(|lens| lens.camera == self.name).map(|lens| Distortion(lens.distortion)),
+            world_from_camera: self.sensor.pose(index)?,
+        };
+        let file = PathBuf::from(format!("camera/{}/{}", self.name, self.sensor.files[index].name));
+        Ok(Some(CameraRecord { file, mask: None, camera }))
+    }
+}
+
+/// The boxes of a frame. A cuboid's length lies along its own y: its x points to the right of its direction.
+fn cuboids(file: &Path) -> Result<Vec<TrackedBox>> {
+    let table = read_frame(file)?;
+    let names = ["position.x", "position.y", "position.z", "dimensions.x", "dimensions.y", "dimensions.z", "yaw"];
+    let seen_by = if table.has("cuboids.sensor_id") { Some(table.ints("cuboids.sensor_id")?) } else { None };
+    let mut boxes = Vec::new();
+    for (row, [x, y, z, width, length, height, angle]) in table.rows(names)?.into_iter().enumerate() {
+        if seen_by.is_some_and(|seen_by| seen_by[row] == PANDAR_GT) {
+            continue;
+        }
+        boxes.push(TrackedBox {
+            track: table.text("uuid", row)?.to_owned(),
+            category: table.text("label", row)?.to_owned(),
+            size: [length, width, height],
+            world_from_box: Pose::new(yaw(angle + std::f64::consts::FRAC_PI_2), DVec3::new(x, y, z)),
+        });
+    }
+    Ok(boxes)
+}
+
+/// Sweeps in frames of pandas, in the world.
+#[derive(Debug)]
+struct Decoder;
+
+impl SweepDecoder for Decoder {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "metres and intensities of a sensor, kept as f32 by the format"
+    )]
+    fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep> {
+        let table = read_frame(path)?;
+        let lidar_from_world = record.world_from_lidar.inverse();
+        let sensors = if table.has("d") { Some(table.ints("d")?) } else { None };
+        let rows = table.rows(["x", "y", "z", "i"])?;
+        let kept = rows.into_iter().enumerate().filter(|(row, _)| sensors.is_none_or(|d| d[*row] == PANDAR64));
+        Sweep::of_rows(
+            path,
+            kept.map(|(_, [x, y, z, intensity])| {
+                let p = lidar_from_world.transform_point(DVec3::new(x, y, z));
+                [p.x, p.y, p.z, intensity].map(|value| value as f32)
+            }),
+        )
+    }
+}

@@ -1,0 +1,105 @@
+//! Poses over time.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DQuat};
+
+use crate::{
+    error::{FormatError, Result},
+    pose::Pose,
+};
+
+/// Farthest that a moment may lie outside the poses, seconds: it then takes the nearest pair's motion on.
+const MAX_BEYOND: f64 = 0.2;
+
+/// A pose and its moment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    /// Seconds.
+    pub(super) time: f64,
+    pub(super) pose: Pose,
+}
+
+/// Poses of one body, sorted by time.
+#[derive(Clone, Debug)]
+pub(super) struct Trajectory {
+    file: PathBuf,
+    moments: Vec<Moment>,
+}
+
+impl Trajectory {
+    /// The trajectory of poses that were read from `file`.
+    ///
+    /// # Errors
+    /// No poses, or a time that is no number.
+    pub(super) fn new(file: &Path, mut moments: Vec<Moment>) -> Result<Self> {
+        if moments.is_empty() {
+            return Err(FormatError::invalid(file, "poses", "at least one", "none"));
+        }
+        if let Some(index) = moments.iter().position(|moment| !moment.time.is_finite()) {
+            return Err(FormatError::invalid(file, format!("poses[{index}]"), "a finite time", "none"));
+        }
+        moments.sort_by(|a, b| a.time.total_cmp(&b.time));
+        moments.dedup_by(|b, a| a.time >= b.time);
+        Ok(Self { file: file.to_owned(), moments })
+    }
+
+    /// The pose at `time`: between two poses, linear in translation and spherical in rotation.
+    ///
+    /// # Errors
+    /// A time too far outside the poses.
+    pub(super) fn at(&self, time: f64) -> Result<Pose> {
+        let after = self.moments.partition_point(|moment| moment.time < time);
+        if let Some(moment) = self.moments.get(after).filter(|moment| moment.time <= time) {
+            return Ok(moment.pose);
+        }
+        let (first, last) = (self.moments[0], self.moments[self.moments.len() - 1]);
+        let beyond = (first.time - time).max(time - last.time);
+        if beyond > MAX_BEYOND || time.is_nan() {
+            let expected = format!("a pose within {MAX_BEYOND} s of {time} s");
+            return Err(FormatError::invalid(
+                &self.file,
+                "poses",
+                expected,
+                format!("{} to {} s", first.time, last.time),
+            ));
+        }
+        if self.moments.len() == 1 {
+            return Ok(first.pose);
+        }
+        let second = after.clamp(1, self.moments.len() - 1);
+        let (a, b) = (self.moments[second - 1], self.moments[second]);
+        Ok(between(&a.pose, &b.pose, (time - a.time) / (b.time - a.time)))
+    }
+}
+
+/// The pose a share of the way from `a` to `b`.
+pub(super) fn between(a: &Pose, b: &Pose, share: f64) -> Pose {
+    let turn = DQuat::from_mat3(&(a.rotation().transpose() * b.rotation()));
+    let turn = if turn.w < 0.0 { -turn } else { turn };
+    let rotation = a.rotation() * DMat3::from_quat(DQuat::from_scaled_axis(turn.to_scaled_axis() * share));
+    Pose::new(rotation, a.translation().lerp(b.translation(), share))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn poses_turn_and_move_evenly_between_their_moments() {
+        let pose = |angle: f64, x: f64| Pose::new(DMat3::from_rotation_z(angle), DVec3::new(x, 0.0, 0.0));
+        let moments = vec![Moment { time: 2.0, pose: pose(0.4, 4.0) }, Moment { time: 1.0, pose: pose(0.2, 2.0) }];
+        let trajectory = Trajectory::new(Path::new("poses"), moments).unwrap();
+        for time in [1.0, 1.25, 2.0, 2.1, 0.9] {
+            let got = trajectory.at(time).unwrap();
+            let want = pose(0.2 * time, 2.0 * time);
+            assert!(got.translation().distance(want.translation()) < 1e-12);
+            assert!((got.rotation() - want.rotation()).to_cols_array().iter().all(|d| d.abs() < 1e-12), "{time}");
+        }
+        let message = trajectory.at(2.5).unwrap_err().to_string();
+        assert_eq!(message, "poses: poses: expected a pose within 0.2 s of 2.5 s, found 1 to 2 s");
+        assert!(trajectory.at(f64::NAN).is_err() && Trajectory::new(Path::new("p"), Vec::new()).is_err());
+    }
+}

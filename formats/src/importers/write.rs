@@ -1,0 +1,89 @@
+//! A clip directory from a clip that was read from anywhere.
+
+use std::{
+    ffi::OsStr,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    clip::{CameraRecord, Clip},
+    clip_dir::{ClipDir, write_clip},
+    error::{FormatError, Result},
+    image,
+    read::{MAX_DATA_BYTES, read_file},
+    sweep::write_sweep,
+    write::write_atomic,
+};
+
+/// Nothing: afterwards `out` is a clip directory with the sweeps of `source` decoded and its images as they are, or, on an
+/// error, what it was before: missing or empty.
+///
+/// # Errors
+/// An `out` that holds something already or cannot be written to; sweeps and images that are damaged.
+pub fn write(source: &ClipDir, out: &Path) -> Result<()> {
+    let parent = match out.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let taken = fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) || out.is_file();
+    if taken || out.file_name().is_none() {
+        return Err(FormatError::invalid(out, "--out", "a new or an empty folder", "one that holds something"));
+    }
+    fs::create_dir_all(parent).map_err(|e| FormatError::io(parent, "create", e))?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".lgs-").suffix(".part");
+    let place = builder.tempdir_in(parent).map_err(|e| FormatError::io(out, "create", e))?;
+    fill(source, place.path())?;
+    share(place.path(), parent);
+    if out.is_dir() {
+        fs::remove_dir(out).map_err(|e| FormatError::io(out, "replace", e))?;
+    }
+    fs::rename(place.path(), out).map_err(|e| FormatError::io(out, "rename to", e))?;
+    // The folder has another name now: there is nothing left to remove.
+    let _ = place.keep();
+    Ok(())
+}
+
+/// Gives the temporary folder, which is its owner's alone, the permissions that its parent has.
+fn share(folder: &Path, parent: &Path) {
+    if let Ok(metadata) = fs::metadata(parent) {
+        // A folder that stays its owner's alone is still a good clip.
+        let _ = fs::set_permissions(folder, metadata.permissions());
+    }
+}
+
+fn fill(source: &ClipDir, place: &Path) -> Result<()> {
+    let make = |name: &str| {
+        let folder = place.join(name);
+        fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))
+    };
+    make("lidar")?;
+    make("images")?;
+    let mut clip: Clip = source.clip().clone();
+    for (f, frame) in clip.frames.iter_mut().enumerate() {
+        frame.lidar.file = PathBuf::from(format!("lidar/{f:04}.bin"));
+        write_sweep(&place.join(&frame.lidar.file), &source.load_sweep(f)?)?;
+        for record in &mut frame.cameras {
+            image::check_whole(source.root(), record)?;
+            *record = copied(source.root(), place, f, record)?;
+        }
+    }
+    write_clip(place, &clip)
+}
+
+/// The record of the copy of an image and its mask.
+fn copied(root: &Path, place: &Path, frame: usize, record: &CameraRecord) -> Result<CameraRecord> {
+    let ending = record.file.extension().and_then(OsStr::to_str).unwrap_or("image");
+    let name = &record.camera.name;
+    let copy = |from: &Path, to: &str| -> Result<PathBuf> {
+        write_atomic(&place.join(to), &read_file(&root.join(from), MAX_DATA_BYTES)?)?;
+        Ok(PathBuf::from(to))
+    };
+    let file = copy(&record.file, &format!("images/{frame:04}_{name}.{ending}"))?;
+    let mask = match &record.mask {
+        Some(mask) => Some(copy(mask, &format!("images/{frame:04}_{name}_mask.png"))?),
+        None => None,
+    };
+    Ok(CameraRecord { file, mask, camera: record.camera.clone() })
+}

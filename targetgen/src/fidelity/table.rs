@@ -1,0 +1,113 @@
+//! Correlations as a table and as pictures.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use super::{Correlation, Effects, Sample, rank_correlation, sign_agreement};
+use crate::picture::{Axis, scatter};
+
+/// One signal against the truth, for one action.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The signal and its normalisation.
+    pub signal: &'static str,
+    /// `prune` or `add`.
+    pub action: &'static str,
+    /// Pairs.
+    pub count: usize,
+    /// Spearman's rank correlation of delta and true change of the loss.
+    pub correlation: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Share of pairs whose signs agree.
+    pub sign_agreement: f64,
+    /// Share of actions that truly lower the loss.
+    pub helpful: f64,
+}
+
+/// Every signal and action.
+pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for measured in &sample.signals {
+        for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
+        {
+            let Correlation { value, error } = rank_correlation(delta, truth);
+            rows.push(Row {
+                signal: measured.signal.name(),
+                action,
+                count: delta.len(),
+                correlation: value,
+                standard_error: error,
+                sign_agreement: sign_agreement(delta, truth),
+                helpful: truth.iter().filter(|&&change| change < 0.0).count() as f64 / truth.len().max(1) as f64,
+            });
+        }
+    }
+    rows
+}
+
+/// The rows as text.
+pub fn table(title: &str, rows: &[Row]) -> String {
+    let mut text = format!(
+        "{title}\n  {:<20} {:<6} {:>5}  {:>14}  {:>5}  {:>7}\n",
+        "signal", "action", "n", "rank corr.", "sign", "helpful"
+    );
+    for row in rows {
+        // writing to a String cannot fail
+        let _ = writeln!(
+            text,
+            "  {:<20} {:<6} {:>5}  {:>6.2} +- {:.2}   {:>4.0} %  {:>5.0} %",
+            row.signal,
+            row.action,
+            row.count,
+            row.correlation,
+            row.standard_error,
+            100.0 * row.sign_agreement,
+            100.0 * row.helpful
+        );
+    }
+    text
+}
+
+/// One line per tried primitive: its index, the true change of the loss by each action, the pixels that it shows, what every signal says.
+pub fn pairs(sample: &Sample, effects: &Effects) -> String {
+    let mut text = String::from("primitive,visible_px,effect_prune,effect_add");
+    for measured in &sample.signals {
+        let key = measured.signal.key();
+        text += &format!(",prune-{key},add-{key}");
+    }
+    for (k, primitive) in sample.chosen.iter().enumerate() {
+        let (prune, add) = (effects.prune[k], effects.add[k]);
+        text += &format!("\n{primitive},{:e},{prune:e},{add:e}", sample.visible_px[k]);
+        for measured in &sample.signals {
+            text += &format!(",{:e},{:e}", measured.prune[k], measured.add[k]);
+        }
+    }
+    text + "\n"
+}
+
+/// A scatter plot of every signal and action: name of its file, content.
+pub fn pictures(title: &str, sample: &Sample, effects: &Effects) -> Vec<(String, String)> {
+    let mut pictures = Vec::new();
+    for measured in &sample.signals {
+        for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
+        {
+            let (x, y) = (spread(delta), spread(truth));
+            let x = Axis { name: "delta (signal)", low: -x, high: x };
+            let y = Axis { name: "change of the loss", low: -y, high: y };
+            let points: Vec<[f64; 2]> = delta.iter().zip(truth).map(|(&delta, &truth)| [delta, truth]).collect();
+            let signal = measured.signal;
+            let svg = scatter(&format!("{action}: {}, {title}", signal.name()), &x, &y, &points);
+            pictures.push((format!("{action}-{}.svg", signal.key()), svg));
+        }
+    }
+    pictures
+}
+
+/// A range that holds 97 of 100 values.
+fn spread(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() * 97 / 100).copied().filter(|&size| size > 0.0).unwrap_or(1.0)
+}

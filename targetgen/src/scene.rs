@@ -1,0 +1,61 @@
+//! From a clip directory to the scene as predicted before the policy, with the views that it is compared with.
+
+use std::path::Path;
+
+use half::f16;
+use lgs_engine::gaussians::{GaussianSet, background::Mode};
+use lgs_engine::network::model::FoldedModel;
+use lgs_engine::pipeline::{Inputs, Silent, Watch, reconstruct};
+use lgs_engine::predict::{backbone, predict, query};
+use lgs_engine::views::{ClipFrame, Role, Selection, View, load_views};
+use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::image::ImageSize;
+use lgs_formats::targets::{HalfFeatures, TargetsConfig};
+
+use crate::error::{Result, TargetError};
+
+/// A scene before the policy.
+#[derive(Clone, Debug)]
+pub struct PredictedScene {
+    /// The Gaussians of both branches.
+    pub set: GaussianSet,
+    /// Every view of the clip, all of them inputs.
+    pub views: Vec<View>,
+    /// Decoder features of the `LiDAR` branch, when they were asked for.
+    pub features: Option<HalfFeatures>,
+}
+
+/// The scene of a clip: the initial set or, with a model, what its first pass predicts from it.
+///
+/// # Errors
+/// Whatever is wrong with the clip, and features that are asked for without a model.
+pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedModel>) -> Result<PredictedScene> {
+    let dir = ClipDir::open(clip).map_err(TargetError::Format)?;
+    let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
+    let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
+    let frames = selection.frames(dir.clip())?;
+    let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
+    let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ())?;
+    let inputs = Inputs::new(&dir, &frames, clip_frame, views)?;
+    let mut set = reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
+    let features = match model {
+        Some(model) => predict_in_place(&mut set, model, config.with_features)?,
+        None if config.with_features => {
+            return Err(TargetError::setting("--with-features", "--weights of a network", "none"));
+        }
+        None => None,
+    };
+    Ok(PredictedScene { set, views: inputs.into_views(), features })
+}
+
+/// The network's first prediction; the policy and the refinement do not run.
+fn predict_in_place(set: &mut GaussianSet, model: &FoldedModel, keep: bool) -> Result<Option<HalfFeatures>> {
+    let mut features = backbone(set, model)?;
+    query(&mut features, set, model)?;
+    let kept = keep.then(|| HalfFeatures {
+        width: model.config.unet.width(),
+        bits: features.rows.iter().map(|&value| f16::from_f32(value).to_bits()).collect(),
+    });
+    predict(set, &mut features, model)?;
+    Ok(kept)
+}

@@ -1,0 +1,63 @@
+//! The weights that ship: the card is theirs, and programs that were built with them use them.
+
+use std::fs;
+
+use lgs_engine::network::shipped;
+use lgs_engine::network::source::load_model;
+use lgs_tests::process::{binary, run};
+use lgs_tests::{Outcome, case, clips, metrics, places};
+use lgs_train::ship::{CARD_FILE, MAX_BYTES, WEIGHTS_FILE};
+use libtest_mimic::Trial;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    vec![
+        case("cli::shipped::the_card_is_of_the_file", the_card_is_of_the_file),
+        case("cli::shipped::tiny_means_the_file_or_is_refused", tiny_means_the_file),
+    ]
+}
+
+fn the_card_is_of_the_file() -> Outcome {
+    let models = places::repository().join("models");
+    let (weights, card) = (models.join(WEIGHTS_FILE), models.join(CARD_FILE));
+    if weights.is_file() != card.is_file() {
+        return Err(format!("of {WEIGHTS_FILE} and {CARD_FILE} one is there and one is not").into());
+    }
+    if weights.is_file() != shipped::BYTES.is_some() {
+        return Err("the programs were not built from these files".into());
+    }
+    if !weights.is_file() {
+        return Ok(());
+    }
+    let bytes = fs::read(&weights)?;
+    if bytes.len() > MAX_BYTES || shipped::BYTES != Some(&bytes) {
+        return Err(format!("{} bytes, at most {MAX_BYTES}, the same as in the programs", bytes.len()).into());
+    }
+    let (digest, text) = (load_model(&weights).map_err(|e| e.to_string())?.digest, fs::read_to_string(card)?);
+    for wanted in [&digest, &bytes.len().to_string(), "## Data", "## Scores", "licence"] {
+        if !text.contains(wanted) {
+            return Err(format!("{CARD_FILE} does not say {wanted}").into());
+        }
+    }
+    Ok(())
+}
+
+fn tiny_means_the_file() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let street = clips::street();
+    let infer = |out: &str, flags: &[&str]| {
+        let mut arguments = vec![street.as_os_str()];
+        let common = ["--out", out, "--image-size", "48x80", "--frames", "0", "--views", "none"];
+        arguments.extend(common.iter().chain(flags).map(|flag| flag.as_ref() as &std::ffi::OsStr));
+        run(&binary("lgs-infer")?, &arguments, place.path())
+    };
+    let (named, unnamed) = (infer("named", &["--weights", "tiny"])?, infer("unnamed", &[])?);
+    unnamed.expect_success()?;
+    let used = metrics::read(&place.path().join("unnamed"))?["weights"].clone();
+    if shipped::BYTES.is_none() {
+        named.expect_refusal(&["--weights", "models/tiny.safetensors"])?;
+        return if used.is_null() { Ok(()) } else { Err(format!("used {used}").into()) };
+    }
+    named.expect_success()?;
+    let digest = load_model(&places::repository().join(shipped::FILE)).map_err(|e| e.to_string())?.digest;
+    if used == digest.as_str() { Ok(()) } else { Err(format!("used {used}, want {digest}").into()) }
+}

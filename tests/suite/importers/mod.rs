@@ -1,0 +1,12 @@
+//! Foreign layouts: what they become, the real folders where they are, what is refused, and what an inspection says.
+
+mod fixtures;
+mod hostile;
+mod inspect;
+mod real;
+
+use libtest_mimic::Trial;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    [fixtures::cases(), real::cases(), hostile::cases(), inspect::cases()].into_iter().flatten().collect()
+}

@@ -1,0 +1,101 @@
+//! Which clips are measured, and how each of them is read.
+
+use std::{path::PathBuf, str::FromStr};
+
+use lgs_engine::pipeline::HoldOut;
+use lgs_formats::image::ImageSize;
+use serde::{Deserialize, Serialize};
+
+/// A clip and how it is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Its directory.
+    pub dir: PathBuf,
+    /// Names of the cameras; `None` for all.
+    pub cameras: Option<Vec<String>>,
+    /// Which frames are held out.
+    pub hold_out: HoldOut,
+    /// Size to which every image is brought; `None` for its own.
+    pub image_size: Option<ImageSize>,
+    /// At most so many frames from the first on; `None` for all.
+    pub num_frames: Option<usize>,
+    /// At most so many cameras, in the clip's order; `None` for all.
+    pub num_cameras: Option<usize>,
+}
+
+/// A choice as it is recorded: what decides the result, without where the clip lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedChoice {
+    cameras: Option<Vec<String>>,
+    hold_out: String,
+    image_size: Option<[usize; 2]>,
+    num_frames: Option<usize>,
+    num_cameras: Option<usize>,
+}
+
+impl Choice {
+    /// The clip in `dir` as it is, its odd frames held out.
+    pub const fn new(dir: PathBuf) -> Self {
+        Self { dir, cameras: None, hold_out: HoldOut::Odd, image_size: None, num_frames: None, num_cameras: None }
+    }
+
+    /// What is recorded of it.
+    pub fn recorded(&self) -> RecordedChoice {
+        RecordedChoice {
+            cameras: self.cameras.clone(),
+            hold_out: self.hold_out.to_string(),
+            image_size: self.image_size.map(|size| [size.height, size.width]),
+            num_frames: self.num_frames,
+            num_cameras: self.num_cameras,
+        }
+    }
+}
+
+impl FromStr for Choice {
+    type Err = String;
+
+    /// `DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut parts = text.split(';');
+        let dir = parts.next().filter(|dir| !dir.is_empty()).ok_or("expected a clip directory, found nothing")?;
+        let mut choice = Self::new(dir.into());
+        for part in parts {
+            match part.split_once('=') {
+                Some(("hold-out", rule)) => choice.hold_out = rule.parse()?,
+                Some(("cameras", names)) => choice.cameras = Some(names.split(',').map(str::to_owned).collect()),
+                Some(("image-size", size)) => {
+                    choice.image_size = Some(size.parse().map_err(|e| format!("image-size: {e}"))?);
+                }
+                Some(("frames", count)) => {
+                    let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
+                    choice.num_frames = Some(count.ok_or("frames: expected a number from 1 to 1000000")?);
+                }
+                _ => return Err(format!("expected hold-out=, cameras=, image-size= or frames=, found {part:?}")),
+            }
+        }
+        Ok(choice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Choice, HoldOut};
+
+    #[test]
+    fn a_clip_and_its_options_are_read() {
+        let plain: Choice = "a/b".parse().unwrap();
+        assert_eq!(plain, Choice::new("a/b".into()));
+        let all: Choice = "c;hold-out=1;cameras=A,B;image-size=304x484;frames=5".parse().unwrap();
+        assert_eq!((all.hold_out, all.num_frames), (HoldOut::List(vec![1]), Some(5)));
+        assert_eq!(all.cameras, Some(vec!["A".to_owned(), "B".to_owned()]));
+        assert_eq!(all.image_size.map(|size| [size.height, size.width]), Some([304, 484]));
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        for text in ["", ";frames=3", "c;frames=0", "c;hold-out=even", "c;image-size=3", "c;size=3x4", "c;"] {
+            assert!(text.parse::<Choice>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The policy while the rest is trained: its decisions are applied, its weights stay.
+
+use lgs_engine::{
+    densify::{Action, Scores, Thresholds, by_thresholds},
+    gaussians::GaussianSet,
+    network::{buffers::Buffers, config::ModelConfig, policy::FoldedPolicy},
+    predict::scores_of,
+};
+
+use super::{passes::Outcome, settings::Settings, variables::Variables};
+use crate::error::{Result, TrainError};
+
+/// A policy that is not trained.
+#[derive(Debug)]
+pub struct FrozenPolicy {
+    policy: FoldedPolicy,
+    config: ModelConfig,
+}
+
+impl FrozenPolicy {
+    /// The policy of a model.
+    ///
+    /// # Errors
+    /// When the model has none.
+    pub fn of(variables: &Variables) -> Result<Self> {
+        let config = variables.config().clone();
+        match variables.model()?.policy {
+            Some(policy) => Ok(Self { policy: policy.fold()?, config }),
+            None => Err(TrainError::config("policy", "a model with a policy", "one without")),
+        }
+    }
+
+    /// What it decides on a scene as predicted; `None` where there is nothing to decide on.
+    ///
+    /// # Errors
+    /// When a score is not finite, or a position leaves the voxel grid.
+    pub(crate) fn actions(
+        &self,
+        outcomes: &[Outcome],
+        predicted: &GaussianSet,
+        settings: &Settings,
+    ) -> Result<Option<Vec<Action>>> {
+        let (Some(outcome), Some([prune, add])) = (outcomes.first(), settings.thresholds) else { return Ok(None) };
+        if predicted.num_lidar == 0 {
+            return Ok(None);
+        }
+        let features = outcome.features.flatten_all()?.to_vec1::<f32>()?;
+        let found = scores_of(&features, predicted, &self.policy, &self.config, &mut Buffers::default())?;
+        let [by_prune, by_add] = found;
+        let scores = Scores { prune: by_prune, add: by_add };
+        Ok(Some(by_thresholds(&scores, Thresholds { prune, add })?))
+    }
+}

@@ -1,0 +1,97 @@
+//! What one step is computed from: input views, target views, the initial Gaussians.
+
+use lgs_engine::{
+    gaussians::{GaussianSet, background::Mode},
+    pipeline::{Inputs, Silent, Watch, reconstruct},
+    views::{ClipFrame, Role, View, load_views},
+};
+use lgs_formats::pose::Pose;
+
+use super::{
+    augment::{Light, Window, add_noise, disturb, mirror},
+    clips::{Draw, TrainingClip},
+    settings::Settings,
+};
+use crate::{
+    error::Result,
+    scenes::{dice::Dice, maths::rotation_z},
+    velocity::TrueVelocities,
+};
+
+/// Share of the steps that start from disturbed Gaussians.
+const DISTURBED: f64 = 0.1;
+/// Largest distance by which the clip frame is moved, metres: voxels fall elsewhere.
+const MOVED: f64 = 5.0;
+
+/// What one step is computed from.
+#[derive(Debug)]
+pub struct Sample {
+    /// Which step.
+    pub step: u64,
+    /// The initial Gaussians.
+    pub scene: GaussianSet,
+    /// Views that the network's gradients and the loss come from.
+    pub inputs: Vec<View>,
+    /// Views of other frames, which the loss alone reads.
+    pub targets: Vec<View>,
+    /// True velocities of the initial Gaussians, where boxes tell them and other timestamps can show them.
+    pub(crate) velocities: Option<TrueVelocities>,
+    /// Draws for what the step itself leaves to chance.
+    pub(crate) dice: Dice,
+}
+
+/// The sample of a step: the same for a seed and a step, whatever came before.
+///
+/// # Errors
+/// Whatever is wrong with the clip that was drawn.
+pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<Sample> {
+    let mut dice = Dice::new(settings.seed, step);
+    let clip = &clips[dice.index(clips.len())];
+    let draw = clip.draw(&mut dice, settings.max_views)?;
+    let frame = clip_frame(&draw, &mut dice)?;
+    let load = |role: Role| load_views(draw.dir(), draw.selection(), role, &frame, &|| ());
+    let (mut inputs, mut targets) = (load(Role::Input)?, load(Draw::TARGETS)?);
+    let light = Light::draw(&mut dice);
+    let window = inputs.first().map(|view| {
+        let size = [view.pinhole.height, view.pinhole.width];
+        Window::draw(&mut dice, size, settings.crop)
+    });
+    for view in inputs.iter_mut().chain(&mut targets) {
+        if let Some(window) = window {
+            *view = window.of(view);
+        }
+        light.apply(view);
+    }
+    if settings.noise > 0.0 {
+        add_noise(&mut inputs, settings.noise, &mut dice);
+    }
+    let frames = draw.selection().frames(draw.dir().clip())?;
+    let start = Inputs::new(draw.dir(), &frames, frame, inputs)?;
+    let mut scene = reconstruct(&start, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
+    let mut inputs = start.into_views();
+    let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
+        .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
+        .flatten();
+    if dice.chance(DISTURBED) {
+        disturb(&mut scene, &mut dice);
+    }
+    // Without a share nothing is drawn: runs from before there was one go on as they were.
+    if settings.mirrored > 0.0 && dice.chance(settings.mirrored) {
+        let num_inputs = inputs.len();
+        inputs.append(&mut targets);
+        mirror(&mut scene, &mut inputs);
+        velocities.iter_mut().for_each(TrueVelocities::mirror);
+        targets = inputs.split_off(num_inputs);
+    }
+    Ok(Sample { step, scene, inputs, targets, velocities, dice })
+}
+
+/// The clip frame of a draw, turned about its vertical axis and moved.
+fn clip_frame(draw: &Draw<'_>, dice: &mut Dice) -> Result<ClipFrame> {
+    let clip = draw.dir().clip();
+    let first = draw.selection().frames(clip)?.input.first().copied().unwrap_or(0);
+    let own = ClipFrame::of(clip, first);
+    let turn = rotation_z(dice.uniform(0.0, std::f64::consts::TAU));
+    let offset = [dice.uniform(-MOVED, MOVED), dice.uniform(-MOVED, MOVED), dice.uniform(-0.5, 0.5)];
+    Ok(ClipFrame { clip_from_world: Pose::new(turn, offset.into()) * own.clip_from_world, ..own })
+}
