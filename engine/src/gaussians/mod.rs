@@ -23,7 +23,7 @@ pub const LOGIT_COLOUR: std::ops::Range<usize> = 11..14;
 ///
 /// # Shapes
 /// `attributes` `[N, 14]`, `times` `[N]`, `velocities` `[N, 3]`. The first `num_lidar` rows are the `LiDAR` branch, the
-/// rest is the static background (velocity zero).
+/// rest is the background: static (velocity zero), but for the own vehicle, which moves with the sensors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianSet {
     /// `[N, 14]` raw parameters, columns as the constants of this module say; clip frame.

@@ -6,7 +6,9 @@ mod paint;
 mod spacing;
 
 pub use aggregate::aggregate;
+pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
+pub(crate) use paint::sample;
 pub use spacing::spacing;
 
 /// `LiDAR` returns of several sweeps in the clip frame.

@@ -3,6 +3,7 @@
 mod clip_frame;
 mod load;
 mod pinhole;
+pub(crate) mod reduced;
 mod selection;
 
 use lgs_formats::image::{PixelLabel, RgbImage};

@@ -1,6 +1,6 @@
 //! A hemisphere far behind everything that the sweeps reach.
 
-use super::Sheet;
+use super::{Sheet, depth::Trust, slant};
 use crate::{
     points::PointCloud,
     views::{PinholeView, Projected, View},
@@ -9,9 +9,8 @@ use crate::{
 /// Radius of the hemisphere over that of the sphere around the `LiDAR` bounding box (specification, section 4).
 const RADIUS_SHARE: f32 = 4.0;
 
-/// Where the rays of the views' pixels meet the hemisphere; unknown below the horizon.
-pub(super) fn sheets(views: &[&View], cloud: &PointCloud) -> Vec<Sheet> {
-    let radius = radius(cloud);
+/// Where the rays of the views' pixels meet the hemisphere of `radius` metres; unknown below the horizon.
+pub(super) fn sheets(views: &[&View], radius: f32) -> Vec<Sheet> {
     views.iter().map(|view| sheet(&view.pinhole, radius)).collect()
 }
 
@@ -28,14 +27,13 @@ pub(super) fn radius(cloud: &PointCloud) -> f32 {
 
 fn sheet(view: &PinholeView, radius: f32) -> Sheet {
     let centre = view.centre();
-    let inverse = |pixel: usize| {
+    let up = |pixel: usize| {
         let (u, v) = ((pixel % view.width) as f32 + 0.5, (pixel / view.width) as f32 + 0.5);
-        let ahead = view.unproject(Projected { u, v, depth: 1.0 });
-        let ray: [f32; 3] = std::array::from_fn(|k| ahead[k] - centre[k]);
-        if ray[2] < 0.0 {
-            return f32::NAN;
-        }
-        ray.iter().map(|r| r * r).sum::<f32>().sqrt() / radius
+        view.unproject(Projected { u, v, depth: 1.0 })[2] >= centre[2]
     };
-    Sheet((0..view.num_pixels()).map(inverse).collect())
+    let of_pixel = |pixel: usize| {
+        if up(pixel) { (slant(view, pixel) / radius, Trust::Confirmed) } else { (f32::NAN, Trust::Unknown) }
+    };
+    let (inverse_depths, trust) = (0..view.num_pixels()).map(of_pixel).unzip();
+    Sheet { inverse_depths, trust }
 }

@@ -96,7 +96,7 @@ pub(crate) struct Args {
     pub(crate) hold_out: HoldOut,
 
     /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
-    /// `depth`: where the surfaces around a gap continue to
+    /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is (what `auto` takes)
     #[arg(long, value_enum, default_value_t = BackgroundArg::Auto)]
     pub(crate) background: BackgroundArg,
 

@@ -75,6 +75,7 @@ pub(crate) enum BackgroundArg {
     Auto,
     Off,
     Sky,
+    Gaps,
     Depth,
 }
 
@@ -85,6 +86,7 @@ impl BackgroundArg {
             Self::Auto => Mode::Auto,
             Self::Off => Mode::Off,
             Self::Sky => Mode::Sky,
+            Self::Gaps => Mode::Gaps,
             Self::Depth => Mode::Depth,
         }
     }

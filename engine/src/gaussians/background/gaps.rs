@@ -6,8 +6,8 @@
 //! # Source
 //! Gortler et al., The lumigraph, 1996 (pull-push); inverse depth because planes are linear in it.
 
-use super::Sheet;
-use crate::views::{PinholeView, View};
+use super::{Sheet, depth::Trust, slant};
+use crate::views::View;
 
 /// Weight at which a block's own returns count fully, returns.
 const ENOUGH: f32 = 1.0;
@@ -38,14 +38,9 @@ fn sheet(view: &View, radius: f32) -> Sheet {
         filled = grid.filled(&filled, size);
         size = [grid.width, grid.height];
     }
-    Sheet(filled.into_iter().enumerate().map(|(pixel, w)| w.max(slant(&view.pinhole, pixel) / radius)).collect())
-}
-
-/// Length of the ray through a pixel's centre to the depth of one metre.
-pub(super) fn slant(view: &PinholeView, pixel: usize) -> f32 {
-    let x = ((pixel % view.width) as f32 + 0.5 - view.cx) / view.fx;
-    let y = ((pixel / view.width) as f32 + 0.5 - view.cy) / view.fy;
-    (1.0 + x * x + y * y).sqrt()
+    let near_enough = |(pixel, w): (usize, f32)| w.max(slant(&view.pinhole, pixel) / radius);
+    let inverse_depths: Vec<f32> = filled.into_iter().enumerate().map(near_enough).collect();
+    Sheet { trust: vec![Trust::Alone; inverse_depths.len()], inverse_depths }
 }
 
 impl Grid {
@@ -124,7 +119,7 @@ mod tests {
     #[test]
     fn returns_keep_their_depth_and_holes_lie_between_them() {
         let samples = vec![DepthSample { pixel: 0, depth: 4.0 }, DepthSample { pixel: 239, depth: 8.0 }];
-        let sheet = sheet(&view(samples), 100.0).0;
+        let sheet = sheet(&view(samples), 100.0).inverse_depths;
         assert_eq!((sheet[0], sheet[239]), (0.25, 0.125));
         assert!(sheet.iter().all(|w| (0.12..=0.26).contains(w)), "{sheet:?}");
         assert!(sheet[22] > sheet[217], "{} {}", sheet[22], sheet[217]);
@@ -132,13 +127,13 @@ mod tests {
 
     #[test]
     fn without_returns_all_is_far() {
-        let sheet = sheet(&view(Vec::new()), 50.0).0;
+        let sheet = sheet(&view(Vec::new()), 50.0).inverse_depths;
         assert!(sheet.iter().all(|w| (0.02..0.04).contains(w)), "{sheet:?}");
     }
 
     #[test]
     fn nothing_is_farther_than_the_radius() {
-        let sheet = sheet(&view(vec![DepthSample { pixel: 110, depth: 1e6 }]), 50.0).0;
+        let sheet = sheet(&view(vec![DepthSample { pixel: 110, depth: 1e6 }]), 50.0).inverse_depths;
         assert!(sheet.iter().all(|&w| w >= 0.02), "{sheet:?}");
     }
 }

@@ -1,0 +1,114 @@
+//! Depth maps of the input views from the images and the sweeps together.
+//!
+//! Every pixel's depth is searched along its ray: where the other images of the same camera show the same, where returns
+//! are, not behind the ground, infinitely far where it looks like sky, and like its neighbours unless there is an edge. Maps
+//! of different views then confirm or contradict each other.
+
+mod agree;
+mod enlarge;
+mod evidence;
+mod ground;
+mod own_vehicle;
+mod sky_colours;
+mod smooth;
+mod volume;
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+
+pub(super) use self::agree::Trust;
+use self::{agree::Map, evidence::Evidence, ground::Ground, own_vehicle::Part, smooth::Choice, volume::Level};
+use super::Sheet;
+use crate::{
+    points::PointCloud,
+    views::{View, reduced::Reduced},
+};
+
+/// Depths are searched at images smaller by at least this factor, in both directions.
+const MIN_FACTOR: usize = 2;
+/// And at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
+const MAX_PIXELS: usize = 120_000;
+/// Other images of its camera that a view is matched against.
+const MAX_SOURCES: usize = 2;
+/// How much nearer than the ground that it hides the own vehicle is taken to be.
+const OWN_VEHICLE_NEARER: f32 = 1.6;
+
+/// What the search found for one view, at the reduced size.
+struct Search {
+    evidence: Vec<Evidence>,
+    choices: Vec<Choice>,
+    step: f32,
+}
+
+/// The depth maps of `views`, nowhere farther than `radius` metres.
+pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sheet> {
+    let ground = Ground::fit(cloud);
+    let levels: Vec<Level> = views.par_iter().map(|view| Level::new(Reduced::new(view, factor(view)))).collect();
+    let search = |i: usize| {
+        let evidence = evidence::evidence(views[i], &levels[i].view, cloud, ground);
+        let others: Vec<&Level> = sources(views, i).into_iter().map(|j| &levels[j]).collect();
+        let volume = volume::volume(&levels[i], &others, &evidence);
+        let choices = smooth::smooth(&volume, &levels[i].view);
+        Search { evidence, choices, step: volume.step }
+    };
+    let searches: Vec<Search> = (0..views.len()).into_par_iter().map(search).collect();
+    let parts = parts(views, &levels, &searches);
+    let scene: Vec<Vec<f32>> = (0..views.len()).map(|i| scene_depths(&searches[i], &parts[i])).collect();
+    let map = |i: usize| Map { camera: &levels[i].view.pinhole, inverse: &scene[i], step: searches[i].step };
+    let finish = |i: usize| {
+        let others: Vec<Map<'_>> = sources(views, i).into_iter().map(map).collect();
+        let mut trust = agree::trust(map(i), &others);
+        for (trust, evidence) in trust.iter_mut().zip(&searches[i].evidence) {
+            if evidence.weight >= 1.0 && *trust != Trust::Unknown {
+                *trust = Trust::Confirmed;
+            }
+        }
+        let mut inverse = agree::repaired(&levels[i].view, &scene[i], &trust);
+        for (k, _) in parts[i].iter().enumerate().filter(|&(_, &part)| part == Part::Vehicle) {
+            trust[k] = Trust::OwnVehicle;
+            inverse[k] = OWN_VEHICLE_NEARER * searches[i].evidence[k].floor;
+        }
+        enlarge::enlarged(views[i], &levels[i].view, factor(views[i]), (&inverse, &trust), radius)
+    };
+    (0..views.len()).into_par_iter().map(finish).collect()
+}
+
+/// By how much a view is reduced.
+fn factor(view: &View) -> usize {
+    let reduced = |by: usize| (view.pinhole.width / by) * (view.pinhole.height / by);
+    (MIN_FACTOR..).find(|&by| reduced(by) <= MAX_PIXELS).unwrap_or(MIN_FACTOR)
+}
+
+/// Indices of the views that view `i` is matched against: the nearest in time of the same camera in other frames.
+pub(super) fn sources(views: &[&View], i: usize) -> Vec<usize> {
+    let gap = |j: usize| (views[j].pinhole.time - views[i].pinhole.time).abs();
+    let other = |j: &usize| views[*j].camera == views[i].camera && views[*j].frame != views[i].frame;
+    let mut found: Vec<usize> = (0..views.len()).filter(other).collect();
+    found.sort_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+    found.truncate(MAX_SOURCES);
+    found
+}
+
+/// What the pixels of every view show; the same in all images of a camera.
+fn parts(views: &[&View], levels: &[Level], searches: &[Search]) -> Vec<Vec<Part>> {
+    let mut result: Vec<Vec<Part>> = searches.iter().map(|s| vec![Part::Scene; s.choices.len()]).collect();
+    let size = |i: usize| (levels[i].view.pinhole.width, searches[i].choices.len());
+    let groups: BTreeSet<(&str, (usize, usize))> = (0..views.len()).map(|i| (&*views[i].camera, size(i))).collect();
+    for (camera, size_of_group) in groups {
+        let members: Vec<usize> =
+            (0..views.len()).filter(|&i| views[i].camera == camera && size(i) == size_of_group).collect();
+        let guess = |&i: &usize| searches[i].choices.iter().map(|choice| choice.own_vehicle).collect();
+        let parts = own_vehicle::parts(&members.iter().map(guess).collect::<Vec<_>>(), size_of_group.0);
+        for &i in &members {
+            result[i].clone_from(&parts);
+        }
+    }
+    result
+}
+
+/// The inverse depths of what is not the own vehicle; NaN elsewhere.
+fn scene_depths(search: &Search, parts: &[Part]) -> Vec<f32> {
+    let depth = |(choice, part): (&Choice, &Part)| if *part == Part::Scene { choice.inverse } else { f32::NAN };
+    search.choices.iter().zip(parts).map(depth).collect()
+}
