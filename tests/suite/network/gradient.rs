@@ -81,7 +81,10 @@ impl Path {
             let shape = spec.shape.clone().into();
             let drawn = seeded.get(shape, &spec.name, spec.init, DType::F32, &Device::Cpu).map_err(failed)?;
             // Heads and query start at zero, where their inputs have no gradient.
-            let start = if spec.name.contains("heads") || spec.name.contains("query") {
+            let start = if spec.name.contains("heads.gaussian")
+                || spec.name.contains("heads.velocity")
+                || spec.name.contains("query")
+            {
                 let values: Vec<f32> = (0..spec.len()).map(|_| 0.03 * random.normal_single()).collect();
                 Tensor::from_vec(values, spec.shape.clone(), &Device::Cpu).map_err(failed)?
             } else {

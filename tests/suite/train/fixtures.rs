@@ -72,7 +72,7 @@ pub(crate) fn settings(steps: u64) -> Settings {
         perturbed: 0.5,
         mirrored: 0.5,
         velocity: 0.02,
-        psnr: 0.01,
+        psnr: 0.0,
         noise: 0.05,
         thresholds: None,
     }

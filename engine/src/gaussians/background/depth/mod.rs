@@ -80,12 +80,13 @@ fn factor(view: &View) -> usize {
     (MIN_FACTOR..).find(|&by| reduced(by) <= MAX_PIXELS).unwrap_or(MIN_FACTOR)
 }
 
-/// Indices of the views that view `i` is matched against: the nearest in time of the same camera in other frames.
+/// Indices of the views that view `i` is matched against: the nearest frames of the same camera. By their numbers: times, which
+/// are rounded, would decide between equal distances by chance.
 pub(super) fn sources(views: &[&View], i: usize) -> Vec<usize> {
-    let gap = |j: usize| (views[j].pinhole.time - views[i].pinhole.time).abs();
+    let gap = |j: usize| views[j].frame.abs_diff(views[i].frame);
     let other = |j: &usize| views[*j].camera == views[i].camera && views[*j].frame != views[i].frame;
     let mut found: Vec<usize> = (0..views.len()).filter(other).collect();
-    found.sort_by(|&a, &b| gap(a).total_cmp(&gap(b)));
+    found.sort_by_key(|&j| (gap(j), views[j].frame));
     found.truncate(MAX_SOURCES);
     found
 }
