@@ -158,3 +158,82 @@ fn join(first: &[f32], second: &[f32], rows: usize, buffers: &mut Buffers) -> Ve
     }
     joined
 }
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{DType, Device, Tensor, Var};
+    use candle_nn::VarBuilder;
+
+    use super::{Buffers, HeadSizes, Heads, Outputs};
+    use crate::network::linear::Linear;
+
+    const ROWS: usize = 9;
+    const SIZES: HeadSizes = HeadSizes { features: 6, own: 5, hidden: Some(7), outputs: Outputs::Moving };
+
+    fn values(len: usize, salt: usize) -> Vec<f32> {
+        (0..len).map(|k| ((k * 53 + salt * 29 + 7) % 97) as f32 / 97.0 - 0.5).collect()
+    }
+
+    fn linear(weight: &Tensor, cout: usize, salt: usize) -> Linear {
+        let bias = Tensor::from_vec(values(cout, salt), cout, &Device::Cpu).unwrap();
+        Linear { weight: weight.clone(), bias }
+    }
+
+    fn weight(cout: usize, cin: usize, salt: usize) -> Tensor {
+        Tensor::from_vec(values(cout * cin, salt), (cout, cin), &Device::Cpu).unwrap()
+    }
+
+    fn heads(hidden: &Tensor) -> Heads {
+        Heads {
+            hidden: Some(linear(hidden, 7, 1)),
+            gaussian: linear(&weight(14, 12, 2), 14, 3),
+            velocity: Some(linear(&weight(3, 12, 4), 3, 5)),
+        }
+    }
+
+    fn inputs() -> [Tensor; 2] {
+        [(6, 6), (5, 7)]
+            .map(|(width, salt)| Tensor::from_vec(values(ROWS * width, salt), (ROWS, width), &Device::Cpu).unwrap())
+    }
+
+    #[test]
+    fn folded_heads_equal_the_trainable_ones() {
+        let (heads, [features, own]) = (heads(&weight(7, 11, 8)), inputs());
+        let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        let want = flat(&heads.forward(&features, &own).unwrap());
+        let folded = heads.fold().unwrap();
+        let got = folded.forward(&flat(&features), &flat(&own), ROWS, &mut Buffers::default());
+        assert_eq!((folded.num_outputs(), got.len()), (17, ROWS * 17));
+        let worst = got.iter().zip(&want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-5, "{worst}");
+    }
+
+    #[test]
+    fn the_gradient_of_the_hidden_layer_is_the_finite_difference() {
+        let (hidden, [features, own]) = (Var::from_tensor(&weight(7, 11, 8)).unwrap(), inputs());
+        let loss = |hidden: &Tensor| heads(hidden).forward(&features, &own).unwrap().sqr().unwrap().sum_all().unwrap();
+        let store = loss(hidden.as_tensor()).backward().unwrap();
+        let gradient = store.get(hidden.as_tensor()).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        let start = hidden.as_tensor().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        for at in [0, 13, 40, 76] {
+            let moved = |by: f32| {
+                let mut values = start.clone();
+                values[at] += by;
+                let moved = Tensor::from_vec(values, (7, 11), &Device::Cpu).unwrap();
+                f64::from(loss(&moved).to_scalar::<f32>().unwrap())
+            };
+            let want = (moved(5e-3) - moved(-5e-3)) / 1e-2;
+            let got = f64::from(gradient[at]);
+            assert!((got - want).abs() < 0.02 * want.abs().max(1.0), "{at}: {got} {want}");
+        }
+    }
+
+    #[test]
+    fn new_heads_say_nothing() {
+        let vb = VarBuilder::zeros(DType::F32, &Device::Cpu);
+        let heads = Heads::new(&SIZES, &vb).unwrap();
+        let [features, own] = inputs();
+        let sum = heads.forward(&features, &own).unwrap().abs().unwrap().sum_all().unwrap();
+        assert_eq!(sum.to_scalar::<f32>().unwrap(), 0.0);
+    }
+}

@@ -69,7 +69,7 @@ impl Path {
         let config = UNetConfig { stem: 8, encoder: vec![8, 12], decoder: vec![12, 8] };
         let build = |vb: &VarBuilder<'_>| {
             let heads =
-                HeadSizes { features: config.width(), own: INITIAL_INPUTS, hidden: Some(12), outputs: Outputs::Moving };
+                HeadSizes { features: config.width(), own: INITIAL_INPUTS, hidden: None, outputs: Outputs::Moving };
             let pass = Pass::new(INITIAL_INPUTS, &config, &heads, &vb.pp("pass"))?;
             candle_core::Result::Ok((pass, Query::new(config.width(), &vb.pp("query"))?))
         };
@@ -81,10 +81,7 @@ impl Path {
             let shape = spec.shape.clone().into();
             let drawn = seeded.get(shape, &spec.name, spec.init, DType::F32, &Device::Cpu).map_err(failed)?;
             // Heads and query start at zero, where their inputs have no gradient.
-            let start = if spec.name.contains("heads.gaussian")
-                || spec.name.contains("heads.velocity")
-                || spec.name.contains("query")
-            {
+            let start = if spec.name.contains("heads") || spec.name.contains("query") {
                 let values: Vec<f32> = (0..spec.len()).map(|_| 0.03 * random.normal_single()).collect();
                 Tensor::from_vec(values, spec.shape.clone(), &Device::Cpu).map_err(failed)?
             } else {
