@@ -138,6 +138,16 @@ impl Setting {
         self.network.is_none()
     }
 
+    /// Whether it is the same as another but for the number of steps.
+    pub fn differs_in_steps_only(&self, other: &Self) -> bool {
+        let same_refiner = match (self.refiner, other.refiner) {
+            (Refiner::Learned { .. }, Refiner::Learned { .. }) => true,
+            (Refiner::Adam { views, .. }, Refiner::Adam { views: others, .. }) => views == others,
+            _ => false,
+        };
+        same_refiner && self.background == other.background && self.network == other.network
+    }
+
     /// Steps of whoever refines.
     pub const fn steps(&self) -> usize {
         match self.refiner {
@@ -179,6 +189,7 @@ impl Setting {
         let mut parts = Vec::new();
         parts.extend(self.network.as_ref().map(|network| network.weights.name.clone()));
         match self.refiner {
+            Refiner::Learned { steps: 1 } => parts.push("1 step".to_owned()),
             Refiner::Learned { steps } => parts.push(format!("{steps} steps")),
             Refiner::Adam { steps, views } => {
                 let of = views.map_or(String::new(), |views| format!(" of {views} views"));

@@ -111,12 +111,29 @@ pub fn mean_rows(tables: &[Vec<Row>]) -> Vec<Row> {
 /// The rows with what they say about each other.
 fn compared(mut rows: Vec<Row>) -> Vec<Row> {
     let front = on_front(&rows.iter().map(|row| row.offer(|figures| figures.psnr)).collect::<Vec<_>>());
-    let mut curve: Vec<Offer> =
-        rows.iter().filter(|row| row.setting.is_reference()).filter_map(|row| row.offer(|f| f.psnr)).collect();
-    curve.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let curves = reference_curves(&rows);
     for (row, on_front) in rows.iter_mut().zip(front) {
         row.on_front = on_front;
-        row.reference_s = row.figures.psnr.and_then(|psnr| cost_of(&curve, psnr));
+        row.reference_s = row.figures.psnr.and_then(|psnr| {
+            let costs = curves.iter().filter_map(|curve| cost_of(curve, psnr));
+            costs.min_by(f64::total_cmp)
+        });
     }
     rows
+}
+
+/// Of each way to optimise the scene, seconds and PSNR after more and more steps.
+fn reference_curves(rows: &[Row]) -> Vec<Vec<Offer>> {
+    let mut ways: Vec<Vec<&Row>> = Vec::new();
+    for row in rows.iter().filter(|row| row.setting.is_reference()) {
+        match ways.iter_mut().find(|way| way.iter().any(|other| other.setting.differs_in_steps_only(&row.setting))) {
+            Some(way) => way.push(row),
+            None => ways.push(vec![row]),
+        }
+    }
+    let curve = |mut way: Vec<&Row>| {
+        way.sort_by_key(|row| row.setting.steps());
+        way.into_iter().filter_map(|row| row.offer(|figures| figures.psnr)).collect()
+    };
+    ways.into_iter().map(curve).collect()
 }

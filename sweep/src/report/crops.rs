@@ -10,7 +10,7 @@ use crate::{error::Result, record::read_crop, table::Row};
 const MOST: usize = 4;
 
 /// The pictures side by side: the truth, configurations from one end of the front to the other, and the reference after as long as the
-/// last of them, and at its end.
+/// last of them, and where it is best.
 pub(super) fn crops(chapter: &Chapter<'_>, out: &std::path::Path) -> Result<String> {
     let mut figures = String::new();
     if let Some(truth) = &chapter.record.truth {
@@ -40,19 +40,23 @@ fn chosen(rows: &[Row]) -> Vec<usize> {
         found.sort_by(|&a, &b| rows[a - 1].seconds.median.total_cmp(&rows[b - 1].seconds.median));
         found
     };
-    let front = with(&|row| row.on_front && !row.setting.is_reference());
-    let last = front.len().saturating_sub(1);
-    let count = front.len().min(MOST);
-    let mut shown: Vec<usize> = (0..count).map(|k| front[if count > 1 { k * last / (count - 1) } else { 0 }]).collect();
-    let reference = with(&|row| row.setting.is_reference());
+    let best = |reference: bool| {
+        let psnr = |number: usize| rows[number - 1].figures.psnr.unwrap_or(f64::NEG_INFINITY);
+        with(&|row| row.setting.is_reference() == reference).into_iter().max_by(|&a, &b| psnr(a).total_cmp(&psnr(b)))
+    };
+    let mut learned = with(&|row| row.on_front && !row.setting.is_reference());
+    if learned.is_empty() {
+        learned.extend(best(false));
+    }
+    let (last, count) = (learned.len().saturating_sub(1), learned.len().min(MOST));
+    let mut shown: Vec<usize> = (0..count).map(|k| learned[k * last / (count - 1).max(1)]).collect();
     let time = |number: usize| rows[number - 1].seconds.median;
     let as_long = shown.last().and_then(|&learned| {
-        reference
-            .iter()
-            .copied()
-            .min_by(|&a, &b| (time(a) - time(learned)).abs().total_cmp(&(time(b) - time(learned)).abs()))
+        let apart = |number: usize| (time(number) - time(learned)).abs();
+        let reference = with(&|row| row.setting.is_reference());
+        reference.into_iter().min_by(|&a, &b| apart(a).total_cmp(&apart(b)))
     });
     shown.extend(as_long);
-    shown.extend(reference.last().filter(|last| as_long != Some(**last)));
+    shown.extend(best(true).filter(|best| as_long != Some(*best)));
     shown
 }

@@ -44,6 +44,8 @@ pub(super) struct Dot {
     pub(super) row: usize,
     /// Steps of per-scene optimisation; `None` for the others.
     pub(super) reference_steps: Option<usize>,
+    /// Dots of per-scene optimisation with the same number are joined.
+    pub(super) series: usize,
     pub(super) name: String,
 }
 
@@ -138,7 +140,10 @@ impl Plot<'_> {
             SIZE[1]
         );
         svg += &self.axes(&x, &y);
-        svg += &line("reference", self.dots.iter().filter(|dot| dot.reference_steps.is_some()), &x, &y);
+        for series in 0..=self.dots.iter().map(|dot| dot.series).max().unwrap_or(0) {
+            let of = |dot: &&Dot| dot.series == series && dot.reference_steps.is_some();
+            svg += &line("reference", self.dots.iter().filter(of), &x, &y);
+        }
         let on_it = self.dots.iter().zip(&front).filter(|(_, on)| **on).map(|(dot, _)| dot);
         svg += &line("front", on_it, &x, &y);
         let mut order: Vec<usize> = (0..self.dots.len()).collect();
@@ -241,6 +246,7 @@ mod tests {
             spread: None,
             row,
             reference_steps: None,
+            series: 0,
             name: "a & b".to_owned(),
         });
         let (x, y) = (axis(Scale::Logarithmic), axis(Scale::Even));

@@ -43,7 +43,8 @@ fn dots(rows: &[Row], x: Value, y: Value, spread: fn(&Row) -> Option<[f64; 2]>) 
             _ => None,
         };
         let name = format!("#{number} {}: {}", row.name, says(row));
-        Some(Dot { x: at_x, y: at_y, spread: spread(row), row: number, reference_steps, name })
+        let series = rows.iter().position(|other| other.setting.differs_in_steps_only(&row.setting)).unwrap_or(0);
+        Some(Dot { x: at_x, y: at_y, spread: spread(row), row: number, reference_steps, series, name })
     };
     rows.iter().zip(1..).filter_map(dot).collect()
 }
