@@ -61,6 +61,8 @@ impl<'a> Case<'a> {
         let cameras = choice.cameras.clone();
         let selection = Selection { cameras, frames: Some(chosen), hold_out, image_size: choice.image_size };
         let frames = selection.frames(clip)?;
+        // Says what is wrong with the cameras, before any work.
+        selection.num_images(clip, Role::Input)?;
         let frame = ClipFrame::of(clip, frames.input.first().copied().unwrap_or(0));
         Ok(Self { dir, selection, frames, frame })
     }
