@@ -62,8 +62,7 @@ pub fn csv(tables: &[Table<'_>]) -> String {
 fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     let network = row.setting.network.as_ref();
-    let of_network =
-        |text: &dyn Fn(&super::setting::Network) -> String| network.map_or(String::new(), |network| text(network));
+    let of_network = |text: &dyn Fn(&super::setting::Network) -> String| network.map_or(String::new(), text);
     let (refiner, views) = match row.setting.refiner {
         Refiner::Learned { .. } => ("learned", None),
         Refiner::Adam { views, .. } => ("adam", views),

@@ -15,7 +15,7 @@ pub enum SweepError {
     Engine(#[from] EngineError),
     /// A clip could not be opened as it was asked for.
     #[error(transparent)]
-    Train(#[from] TrainError),
+    Train(Box<TrainError>),
     /// A setting is out of its range, or does not fit the others.
     #[error("{setting}: expected {expected}, found {found}")]
     Setting {
@@ -45,6 +45,12 @@ pub enum SweepError {
     /// A configuration could not be measured.
     #[error("{0}")]
     Point(String),
+}
+
+impl From<TrainError> for SweepError {
+    fn from(error: TrainError) -> Self {
+        Self::Train(Box::new(error))
+    }
 }
 
 /// Result of this crate's operations.

@@ -97,7 +97,7 @@ fn header(page: &Page<'_>) -> String {
          {} ({})</p>\n<p>Times: median of at least {repeats} runs in turns, with quartiles, from loaded images to the finished scene. \
          Figures: means over the held-out views, and memory, from a run of the same configuration in a process of its own. Blue: \
          nothing is both faster and better. Orange: per-scene optimisation (Adam) from the initial Gaussians, with its number of \
-         steps. Point at one to find it everywhere.</p>\n</header>\n",
+         steps, hollow where something beats it. Point at one to find it everywhere.</p>\n</header>\n",
         escape(cpu),
         escape(target),
         escape(version),

@@ -66,8 +66,11 @@ impl FromStr for One {
 }
 
 fn limit(text: &str, without: &str) -> Result<Limit, String> {
-    let number = || text.parse().map_err(|_| format!("expected a number from 1 on or {without}, found {text:?}"));
-    if text == without { Ok(Limit(None)) } else { number().map(|number| Limit(Some(number))) }
+    if text == without {
+        return Ok(Limit(None));
+    }
+    let number = text.parse().ok().map(|number| Limit(Some(number)));
+    number.ok_or_else(|| format!("expected a number from 1 on or {without}, found {text:?}"))
 }
 
 pub(crate) fn budget(text: &str) -> Result<Limit, String> {
