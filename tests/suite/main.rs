@@ -7,6 +7,7 @@ mod network;
 mod readme;
 mod render;
 mod structure;
+mod sweep;
 mod targetgen;
 mod train;
 mod viewer;
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
     cases.extend(importers::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
+    cases.extend(sweep::cases());
     cases.extend(viewer::cases());
     cases.extend(readme::cases());
     libtest_mimic::run(&arguments, cases).exit_code()

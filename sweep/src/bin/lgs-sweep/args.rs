@@ -1,0 +1,216 @@
+//! The command line, parsed without side effects.
+
+use std::{num::NonZeroUsize, path::PathBuf};
+
+use clap::{Parser, builder::RangedU64ValueParser};
+use lgs_engine::{network::shipped, pipeline::HoldOut};
+use lgs_formats::image::ImageSize;
+use lgs_sweep::{
+    grid::Axes,
+    setting::{Background, DensityBy, Switch},
+};
+use lgs_train::ablate::choice::Choice;
+
+use crate::values::{ClipArg, Limit, One, WeightsArg, budget, steps, theta, views};
+
+/// Most timed runs of a configuration, and of rounds before them.
+const MOST_REPEATS: u64 = 1000;
+/// Largest number of threads that may be asked for.
+const MAX_THREADS: u64 = 1024;
+
+/// Measure on clips, and on this machine, what time buys: many configurations of `lgs-infer` and per-scene optimisation, each run
+/// several times in turns.
+///
+/// Writes `report.html`, `points.csv`, `sweep.json`, and what it needs to go on after an interruption: the same command measures what is
+/// missing. Every combination of the values that are given is a configuration, as far as it makes sense.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "lgs-sweep", version, max_term_width = 110)]
+pub(crate) struct Args {
+    /// Clip directories, each with options of its own where it needs some
+    #[arg(value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]", required = true)]
+    clips: Vec<ClipArg>,
+
+    /// Folder to write to, made when it is missing
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+
+    /// Network weights, separated by commas, each as for lgs-infer; `none`: per-scene optimisation alone
+    #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", value_delimiter = ',', default_value = shipped::DEFAULT)]
+    pub(crate) weights: Vec<WeightsArg>,
+
+    /// Steps of the learned refinement
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,1,2,3,5", value_parser = steps::<1000>)]
+    refine_steps: Vec<usize>,
+
+    /// Whether primitives ask their nearest of other timestamps, for weights that have a query
+    #[arg(long, value_name = "on,off", value_delimiter = ',', default_value = "on,off")]
+    query: Vec<Switch>,
+
+    /// Who prunes and adds primitives, for weights that have a policy
+    #[arg(long, value_name = "policy,random,off", value_delimiter = ',', default_value = "policy,off")]
+    density: Vec<DensityBy>,
+
+    /// Scores above which the policy prunes, and adds, 0 to 1
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0.7", value_parser = theta)]
+    theta: Vec<f32>,
+
+    /// Largest numbers of LiDAR Gaussians after pruning and adding, or `none`, where a policy acts
+    #[arg(long, value_name = "N,none", value_delimiter = ',', default_value = "none", value_parser = budget)]
+    max_gaussians: Vec<Limit>,
+
+    /// Backgrounds
+    #[arg(long, value_name = "auto,off,sky,depth", value_delimiter = ',', default_value = "auto,off")]
+    background: Vec<Background>,
+
+    /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,10,30,100", value_parser = steps::<100_000>)]
+    adam: Vec<usize>,
+
+    /// Leave the reference out
+    #[arg(long)]
+    no_adam: bool,
+
+    /// Input views that a step of per-scene optimisation looks at, or `all`
+    #[arg(long, value_name = "N,all", value_delimiter = ',', default_value = "all", value_parser = views)]
+    adam_views: Vec<Limit>,
+
+    /// Frames that are held out, for clips that do not say: as for lgs-infer
+    #[arg(long, value_name = "LIST|odd|every:N", default_value = "odd")]
+    hold_out: HoldOut,
+
+    /// Size to which every image is brought, for clips that do not say: height x width, pixels [default: each image's own]
+    #[arg(long, value_name = "HxW")]
+    image_size: Option<ImageSize>,
+
+    /// At most so many frames of clips that do not say, from the first on [default: all]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(1..=1_000_000))]
+    frames: Option<u32>,
+
+    /// Weights of LPIPS v0.1 with its squeeze trunk, a safetensors file [default: none, and LPIPS is not measured]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) lpips_weights: Option<PathBuf>,
+
+    /// Timed runs of each configuration
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = RangedU64ValueParser::<u64>::new().range(1..=MOST_REPEATS))]
+    repeats: u64,
+
+    /// Rounds of all configurations before the timed ones
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = RangedU64ValueParser::<u64>::new().range(0..=MOST_REPEATS))]
+    warm_up: u64,
+
+    /// Threads to work with, 1 to 1024; figures do not depend on it, times do [default: one per core]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u64>::new().range(1..=MAX_THREADS))]
+    threads: Option<u64>,
+
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// What this program starts itself with: the numbers of a clip and of a run to judge, for one line of JSON
+    #[arg(long, value_name = "CLIP:RUN", hide = true)]
+    pub(crate) one: Option<One>,
+}
+
+impl Args {
+    /// The clips, with what all of them share.
+    pub(crate) fn clips(&self) -> Vec<Choice> {
+        let shared = |clip: &ClipArg| {
+            let mut choice = clip.choice.clone();
+            if !clip.says_hold_out {
+                choice.hold_out = self.hold_out.clone();
+            }
+            choice.image_size = choice.image_size.or(self.image_size);
+            choice.num_frames = choice.num_frames.or(self.frames.map(|count| count as usize));
+            choice
+        };
+        self.clips.iter().map(shared).collect()
+    }
+
+    /// What is tried.
+    pub(crate) fn axes(&self) -> Axes {
+        Axes {
+            background: self.background.clone(),
+            refine_steps: self.refine_steps.clone(),
+            query: self.query.clone(),
+            density: self.density.clone(),
+            theta: self.theta.clone(),
+            max_gaussians: self.max_gaussians.iter().map(|limit| limit.0.map(NonZeroUsize::get)).collect(),
+            adam: if self.no_adam { Vec::new() } else { self.adam.clone() },
+            adam_views: self.adam_views.iter().map(|limit| limit.0).collect(),
+        }
+    }
+
+    /// Timed runs of each configuration, and rounds before them.
+    pub(crate) fn rounds(&self) -> [usize; 2] {
+        [self.repeats, self.warm_up].map(|count| usize::try_from(count).unwrap_or(usize::MAX))
+    }
+
+    /// The number of threads that was asked for.
+    pub(crate) fn threads(&self) -> Option<NonZeroUsize> {
+        self.threads.and_then(|count| usize::try_from(count).ok()).and_then(NonZeroUsize::new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn parse(line: &str) -> Result<Args, clap::Error> {
+        Args::try_parse_from(std::iter::once("lgs-sweep").chain(line.split(' ')))
+    }
+
+    #[test]
+    fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
+        let command = Args::command();
+        command.clone().debug_assert();
+        let flags = command.get_arguments().filter(|flag| flag.get_long().is_some() && !flag.is_hide_set());
+        for flag in flags.filter(|flag| flag.get_action().takes_values() && !flag.is_required_set()) {
+            let help = flag.get_help().map_or(String::new(), ToString::to_string);
+            let said = help.contains("[default: ") || !flag.get_default_values().is_empty();
+            assert!(said, "--{} says no default: {help}", flag.get_id());
+        }
+    }
+
+    #[test]
+    fn a_clip_says_more_than_the_flags_for_all() {
+        let args = parse("a;hold-out=1;frames=3 b --out o --hold-out every:2 --image-size 48x80 --frames 4").unwrap();
+        let clips = args.clips();
+        assert_eq!((clips[0].hold_out.to_string(), clips[0].num_frames), ("1".to_owned(), Some(3)));
+        assert_eq!((clips[1].hold_out.to_string(), clips[1].num_frames), ("every:2".to_owned(), Some(4)));
+        assert!(clips.iter().all(|clip| clip.image_size.is_some()));
+    }
+
+    #[test]
+    fn values_are_lists() {
+        let line = "a --out o --max-gaussians none,500 --adam-views all,2 --adam 5,1 --density random --query off --background none";
+        let axes = parse(line).unwrap().axes();
+        assert_eq!(axes.max_gaussians, [None, Some(500)]);
+        assert_eq!((axes.adam_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
+        assert_eq!((axes.density, axes.query), (vec![DensityBy::Random], vec![Switch::Off]));
+        assert_eq!(axes.background, [Background::Off]);
+        assert!(parse("a --out o --no-adam").unwrap().axes().adam.is_empty());
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        for line in [
+            "--out o",
+            "a",
+            "a;frames=0 --out o",
+            "a --out o --refine-steps 1,,2",
+            "a --out o --refine-steps 1001",
+            "a --out o --query maybe",
+            "a --out o --theta 1.5",
+            "a --out o --max-gaussians 0",
+            "a --out o --adam -1",
+            "a --out o --adam-views none",
+            "a --out o --repeats 0",
+            "a --out o --weights random:",
+            "a --out o --one 1",
+        ] {
+            assert!(parse(line).is_err(), "{line}");
+        }
+    }
+}

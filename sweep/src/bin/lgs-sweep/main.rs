@@ -1,0 +1,13 @@
+//! `lgs-sweep`: clips in, a measured trade of time against accuracy out.
+
+mod args;
+mod progress;
+mod run;
+mod values;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    lgs_engine::allocator::keep_pages();
+    lgs_formats::program::run("lgs-sweep", run::run)
+}

@@ -1,0 +1,149 @@
+//! Acts on the flags.
+
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+};
+
+use anyhow::{Context, Result, bail};
+use lgs_engine::{evaluate::lpips::Lpips, network::source::LoadedModel, threads};
+use lgs_formats::program::Outcome;
+use lgs_sweep::{
+    case::Case,
+    error::SweepError,
+    grid::{Parts, Run, runs},
+    job::{Found, Job},
+    machine::{Machine, hexadecimal},
+    measure::{Judged, judge},
+    setting::Weights,
+    table::Row,
+};
+use lgs_train::ablate::subject::open;
+
+use crate::{
+    args::Args,
+    progress::Teller,
+    values::{One, WeightsArg},
+};
+
+/// The networks that are tried, in the order of their flags.
+struct Networks<'a> {
+    loaded: Vec<LoadedModel>,
+    named: Vec<(Weights, &'a WeightsArg)>,
+}
+
+/// Does what the command line asks for.
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
+    let threads = threads::set_num_threads(args.threads())?;
+    let networks = networks(args)?;
+    let grid = grid(args, &networks);
+    match args.one {
+        Some(one) => Ok(judge_one(args, one, &networks, &grid)?.into()),
+        None => sweep(args, threads, &networks, grid),
+    }
+}
+
+fn networks(args: &Args) -> Result<Networks<'_>> {
+    let mut networks = Networks { loaded: Vec::new(), named: Vec::new() };
+    for weights in &args.weights {
+        let Some(loaded) = weights.source.load(args.seed)? else { continue };
+        if networks.loaded.iter().all(|other| other.digest != loaded.digest) {
+            networks.named.push((Weights { name: weights.name(), sha256: loaded.digest.clone() }, weights));
+            networks.loaded.push(loaded);
+        }
+    }
+    Ok(networks)
+}
+
+fn grid(args: &Args, networks: &Networks<'_>) -> Vec<Run> {
+    let parts = networks.loaded.iter().zip(&networks.named).map(|(loaded, (weights, _))| Parts {
+        weights: weights.clone(),
+        query: loaded.model.query.is_some(),
+        policy: loaded.model.policy.is_some(),
+    });
+    runs(&args.axes(), &parts.collect::<Vec<_>>())
+}
+
+/// One line of JSON: what a run is worth.
+fn judge_one(args: &Args, one: One, networks: &Networks<'_>, grid: &[Run]) -> Result<String> {
+    let clips = args.clips();
+    let (Some(choice), Some(run)) = (clips.get(one.clip), grid.get(one.run)) else {
+        bail!("--one: expected numbers of a clip and of a run, found {}:{}", one.clip, one.run);
+    };
+    let dir = open(choice)?;
+    let lpips = args.lpips_weights.as_deref().map(Lpips::load).transpose()?;
+    let judged = judge(&Case::new(&dir, choice)?, run, &networks.loaded, args.seed, lpips.as_ref())?;
+    Ok(serde_json::to_string(&judged)?)
+}
+
+fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -> Result<Outcome> {
+    let program = std::env::current_exe().context("this program: find")?;
+    let judge = |clip: usize, run: usize| judge_apart(&program, One { clip, run });
+    let [repeats, warm_up] = args.rounds();
+    let job = Job {
+        clips: args.clips(),
+        models: &networks.loaded,
+        weights: networks.named.iter().map(|(weights, arg)| (weights.clone(), arg.text.clone())).collect(),
+        runs: grid,
+        repeats,
+        warm_up,
+        lpips: args.lpips_weights.as_deref().map(lpips_digest).transpose()?,
+        seed: args.seed,
+        machine: Machine::this(&program, threads)?,
+        out: output_dir(&args.out)?,
+        judge: &judge,
+    };
+    let teller = Teller::new(job.total_weight())?;
+    let found = job.run(&teller)?;
+    drop(teller);
+    Ok(outcome(&found, &job.out))
+}
+
+/// The output directory, once it is known that it is one or can become one.
+fn output_dir(out: &Path) -> Result<PathBuf> {
+    let existing = out.ancestors().find(|path| !path.as_os_str().is_empty() && path.exists());
+    if let Some(other) = existing.filter(|path| !path.is_dir()) {
+        bail!("--out: expected a directory, found another kind of file at {}", other.display());
+    }
+    Ok(out.to_owned())
+}
+
+/// SHA-256 of weights of LPIPS that can be used.
+fn lpips_digest(file: &Path) -> Result<String> {
+    Lpips::load(file)?;
+    Ok(hexadecimal(&std::fs::read(file).with_context(|| format!("{}: read", file.display()))?))
+}
+
+/// What a run is worth, found out by this program in a process of its own with the same flags.
+fn judge_apart(program: &Path, one: One) -> lgs_sweep::error::Result<Judged> {
+    let mut command = Command::new(program);
+    command.args(std::env::args_os().skip(1)).arg("--one").arg(format!("{}:{}", one.clip, one.run));
+    let output = command.stdin(Stdio::null()).output();
+    let output = output.map_err(|e| SweepError::Point(format!("a process of its own could not be started: {e}")))?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let last = said.lines().last().map_or("", |line| line.trim_start_matches("lgs-sweep: "));
+        let reason = if last.is_empty() { output.status.to_string() } else { last.to_owned() };
+        return Err(SweepError::Point(reason));
+    }
+    serde_json::from_slice(&output.stdout).map_err(|source| SweepError::Json { what: "answer of a process", source })
+}
+
+fn outcome(found: &Found, out: &Path) -> Outcome {
+    let mut text = String::new();
+    for (clip, rows) in &found.tables {
+        // Writing to a String cannot fail.
+        let _ =
+            writeln!(text, "{clip}: {} configurations, of which nothing is both faster and better than", rows.len());
+        let mut front: Vec<&Row> = rows.iter().filter(|row| row.on_front).collect();
+        front.sort_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
+        for row in front {
+            let psnr = row.figures.psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}"));
+            let adam = row.speed_up().map_or(String::new(), |times| format!("  Adam takes {times:.1} times as long"));
+            let _ = writeln!(text, "  {:8.3} s  {psnr} dB  {}{adam}", row.seconds.median, row.name);
+        }
+    }
+    let _ = writeln!(text, "  to look at  {}", out.join("report.html").display());
+    Outcome { text, notes: Vec::new(), has_findings: !found.failed.is_empty() }
+}

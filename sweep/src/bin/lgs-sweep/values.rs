@@ -1,0 +1,92 @@
+//! Values of flags and how they are read.
+
+use std::{num::NonZeroUsize, str::FromStr};
+
+use lgs_engine::network::source::ModelSource;
+use lgs_train::ablate::choice::Choice;
+
+/// A clip and its own options.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ClipArg {
+    pub(crate) choice: Choice,
+    /// Whether it says which of its frames are held out.
+    pub(crate) says_hold_out: bool,
+}
+
+impl FromStr for ClipArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Ok(Self { choice: text.parse()?, says_hold_out: text.contains(";hold-out=") })
+    }
+}
+
+/// Weights, and how the user names them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct WeightsArg {
+    pub(crate) text: String,
+    pub(crate) source: ModelSource,
+}
+
+impl WeightsArg {
+    /// A name for people: that of the file, without what all such files have.
+    pub(crate) fn name(&self) -> String {
+        let file = self.text.rsplit(['/', '\\']).next().unwrap_or(&self.text);
+        let stem = file.trim_end_matches(".safetensors").trim_end_matches(".json");
+        if matches!(self.source, ModelSource::Random(_)) { format!("random {stem}") } else { stem.to_owned() }
+    }
+}
+
+impl FromStr for WeightsArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Ok(Self { source: text.parse()?, text: text.to_owned() })
+    }
+}
+
+/// A number of 1 or more; `None` for the word that means no limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Limit(pub(crate) Option<NonZeroUsize>);
+
+/// Numbers of a clip and of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct One {
+    pub(crate) clip: usize,
+    pub(crate) run: usize,
+}
+
+impl FromStr for One {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once(':').and_then(|(clip, run)| Some((clip.parse().ok()?, run.parse().ok()?)));
+        numbers.map(|(clip, run)| Self { clip, run }).ok_or_else(|| format!("expected CLIP:RUN, found {text:?}"))
+    }
+}
+
+fn limit(text: &str, without: &str) -> Result<Limit, String> {
+    if text == without {
+        return Ok(Limit(None));
+    }
+    let number = text.parse().ok().map(|number| Limit(Some(number)));
+    number.ok_or_else(|| format!("expected a number from 1 on or {without}, found {text:?}"))
+}
+
+pub(crate) fn budget(text: &str) -> Result<Limit, String> {
+    limit(text, "none")
+}
+
+pub(crate) fn views(text: &str) -> Result<Limit, String> {
+    limit(text, "all")
+}
+
+pub(crate) fn steps<const MOST: usize>(text: &str) -> Result<usize, String> {
+    let value = text.parse().ok().filter(|steps| *steps <= MOST);
+    value.ok_or_else(|| format!("expected a number from 0 to {MOST}, found {text:?}"))
+}
+
+pub(crate) fn theta(text: &str) -> Result<f32, String> {
+    let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
+    value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
+}

@@ -1,0 +1,118 @@
+//! `points.csv`: one line for every configuration of every clip.
+
+use super::{
+    setting::{Refiner, word},
+    table::Row,
+};
+
+const HEAD: [&str; 27] = [
+    "clip",
+    "name",
+    "weights",
+    "weights_sha256",
+    "background",
+    "refine_with",
+    "steps",
+    "adam_views",
+    "query",
+    "density",
+    "theta",
+    "max_gaussians",
+    "repeats",
+    "seconds_median",
+    "seconds_q1",
+    "seconds_q3",
+    "psnr",
+    "ssim",
+    "lpips",
+    "dmae",
+    "psnr_dynamic",
+    "psnr_static",
+    "gaussians",
+    "peak_rss_mb",
+    "on_front",
+    "adam_seconds_for_psnr",
+    "command",
+];
+
+/// A clip's rows, and the commands that run them.
+#[derive(Clone, Debug)]
+pub struct Table<'a> {
+    /// Name of the clip.
+    pub clip: &'a str,
+    /// The rows.
+    pub rows: &'a [Row],
+    /// Of each row, the command.
+    pub commands: &'a [String],
+}
+
+/// The page. What is not known is empty.
+pub fn csv(tables: &[Table<'_>]) -> String {
+    let mut page = HEAD.join(",") + "\n";
+    for table in tables {
+        for (row, command) in table.rows.iter().zip(table.commands) {
+            let fields = fields(table.clip, row, command);
+            page += &fields.iter().map(|field| quoted(field)).collect::<Vec<_>>().join(",");
+            page.push('\n');
+        }
+    }
+    page
+}
+
+fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    let network = row.setting.network.as_ref();
+    let of_network = |text: &dyn Fn(&super::setting::Network) -> String| network.map_or(String::new(), text);
+    let (refiner, views) = match row.setting.refiner {
+        Refiner::Learned { .. } => ("learned", None),
+        Refiner::Adam { views, .. } => ("adam", views),
+    };
+    [
+        clip.to_owned(),
+        row.name.clone(),
+        of_network(&|network| network.weights.name.clone()),
+        of_network(&|network| network.weights.sha256.clone()),
+        word(&row.setting.background),
+        refiner.to_owned(),
+        row.setting.steps().to_string(),
+        views.map_or(String::new(), |views| views.to_string()),
+        of_network(&|network| word(&network.query)),
+        of_network(&|network| word(&network.density)),
+        of_network(&|network| network.theta.to_string()),
+        of_network(&|network| network.max_gaussians.map_or(String::new(), |most| most.to_string())),
+        row.repeats.to_string(),
+        row.seconds.median.to_string(),
+        row.seconds.q1.to_string(),
+        row.seconds.q3.to_string(),
+        number(row.figures.psnr),
+        number(row.figures.ssim),
+        number(row.figures.lpips),
+        number(row.figures.dmae),
+        number(row.figures.psnr_dynamic),
+        number(row.figures.psnr_static),
+        row.gaussians.to_string(),
+        number(row.peak_rss_mb),
+        row.on_front.to_string(),
+        number(row.reference_s),
+        command.to_owned(),
+    ]
+}
+
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn fields_are_quoted_where_a_reader_needs_it() {
+        assert_eq!(quoted("a b"), "a b");
+        assert_eq!(quoted("a, \"b\""), "\"a, \"\"b\"\"\"");
+    }
+}

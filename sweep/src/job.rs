@@ -1,0 +1,346 @@
+//! The whole work: every configuration on every clip, what is missing of it, and the pages that show it.
+
+use std::path::PathBuf;
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use lgs_engine::{network::source::LoadedModel, pipeline::Inputs};
+use lgs_formats::{clip_dir::ClipDir, write::write_atomic};
+use lgs_train::ablate::{choice::Choice, subject::open};
+use serde::Serialize;
+
+use super::{
+    case::{Case, Work},
+    csv::{Table, csv},
+    error::{Result, SweepError},
+    grid::Run,
+    machine::{Machine, hexadecimal},
+    measure::{Bench, Judged},
+    record::{CLIP_FORMAT, Causes, ClipRecord, Failed, Folders, PointRecord},
+    report::{Chapter, Page, html},
+    setting::{Setting, Weights},
+    table::{Row, mean_rows, rows},
+};
+
+/// The value of `format` in `sweep.json`.
+pub const FORMAT: &str = "lgs-sweep/1";
+/// Digits of a configuration's hash in the names of files.
+const DIGITS: usize = 12;
+
+/// Finds out, by the numbers of a clip and of a run, what the run's configurations are worth.
+pub type Judge<'a> = dyn Fn(usize, usize) -> Result<Judged> + 'a;
+
+/// What is to be measured.
+pub struct Job<'a> {
+    /// The clips.
+    pub clips: Vec<Choice>,
+    /// The networks.
+    pub models: &'a [LoadedModel],
+    /// Of each network, its weights as the user names them.
+    pub weights: Vec<(Weights, String)>,
+    /// The runs of the grid.
+    pub runs: Vec<Run>,
+    /// Timed runs of each.
+    pub repeats: usize,
+    /// Rounds before them that are not timed.
+    pub warm_up: usize,
+    /// SHA-256 of the weights of LPIPS; `None` where it is not measured.
+    pub lpips: Option<String>,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// What measures.
+    pub machine: Machine,
+    /// Directory of the results.
+    pub out: PathBuf,
+    /// Finds out what runs are worth.
+    pub judge: &'a Judge<'a>,
+}
+
+/// Somebody who is told how far the work is.
+pub trait Observer {
+    /// A clip is begun.
+    fn begin(&self, clip: &str);
+    /// A run is done, or was before; `weight` is about what it costs.
+    fn did(&self, weight: u64, done_now: bool);
+    /// Something that people want to read.
+    fn note(&self, line: &str);
+}
+
+/// What a job found.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// Of each clip, its name and its rows.
+    pub tables: Vec<(String, Vec<Row>)>,
+    /// What could not be measured.
+    pub failed: Vec<Failed>,
+}
+
+/// `sweep.json`.
+#[derive(Serialize)]
+struct Whole<'a> {
+    format: &'static str,
+    machine: &'a Machine,
+    weights: Vec<&'a Weights>,
+    lpips: Option<&'a str>,
+    seed: u64,
+    clips: Vec<OfClip<'a>>,
+    mean: &'a [Row],
+    failed: &'a [Failed],
+}
+
+/// A clip in `sweep.json`.
+#[derive(Serialize)]
+struct OfClip<'a> {
+    clip: &'a str,
+    source: &'a str,
+    work: &'a Work,
+    load_s: Option<f64>,
+    rows: &'a [Row],
+    points: Vec<&'a PointRecord>,
+}
+
+/// A clip that is being measured.
+struct Current<'a> {
+    index: usize,
+    case: &'a Case<'a>,
+    file: PathBuf,
+    record: ClipRecord,
+}
+
+impl std::fmt::Debug for Job<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Job").field("clips", &self.clips).field("runs", &self.runs).finish_non_exhaustive()
+    }
+}
+
+impl Job<'_> {
+    /// What progress adds up to.
+    pub fn total_weight(&self) -> u64 {
+        let of_clip: u64 = self.runs.iter().map(|run| self.judge_weight(run) + self.time_weight(run)).sum();
+        of_clip * self.clips.len() as u64
+    }
+
+    fn judge_weight(&self, run: &Run) -> u64 {
+        run.weight() + 2
+    }
+
+    fn time_weight(&self, run: &Run) -> u64 {
+        run.weight() * self.repeats as u64
+    }
+
+    /// What was found; it lies in the directory of the results too.
+    ///
+    /// # Errors
+    /// Whatever is wrong with a clip; a file that cannot be written.
+    pub fn run(&self, observer: &dyn Observer) -> Result<Found> {
+        if self.runs.is_empty() {
+            return Err(SweepError::setting("--weights", "weights to try, or steps of --adam", "neither"));
+        }
+        let dirs: Vec<ClipDir> = self.clips.iter().map(|choice| Ok(open(choice)?)).collect::<Result<_>>()?;
+        let cases: Vec<Case<'_>> =
+            dirs.iter().zip(&self.clips).map(|(dir, choice)| Case::new(dir, choice)).collect::<Result<_>>()?;
+        let folders = Folders::make(&self.out)?;
+        let (mut records, mut found) = (Vec::new(), Found::default());
+        for (index, (dir, case)) in dirs.iter().zip(&cases).enumerate() {
+            observer.begin(&dir.clip().name);
+            let mut current = self.current(index, dir, case, &folders)?;
+            self.judge_all(&mut current, &folders, &mut found.failed, observer)?;
+            self.time_all(&mut current, &mut found.failed, observer)?;
+            records.push(current.record);
+            found.tables = self.write(&records, &found.failed)?;
+        }
+        Ok(found)
+    }
+
+    fn current<'c>(&self, index: usize, dir: &ClipDir, case: &'c Case<'c>, folders: &Folders) -> Result<Current<'c>> {
+        let clip = dir.clip();
+        let causes = Causes {
+            format: CLIP_FORMAT.to_owned(),
+            source: clip.source.clone(),
+            choice: self.clips[index].recorded(),
+            lpips: self.lpips.clone(),
+            seed: self.seed,
+            machine: self.machine.clone(),
+        };
+        let stem = ClipRecord::stem(index, &clip.name);
+        let file = folders.records.join(format!("{stem}.json"));
+        if let Some(mut record) = ClipRecord::read(&file, &causes)? {
+            record.sessions += 1;
+            return Ok(Current { index, case, file, record });
+        }
+        let truth = match case.truth()? {
+            Some(crop) => Some(put_crop(folders, &format!("{stem}_truth.jpg"), &crop.jpeg()?)?),
+            None => None,
+        };
+        let (inputs, load_s) = case.inputs()?;
+        let work = case.work(&inputs)?;
+        let (clip, load_s) = (clip.name.clone(), Some(load_s));
+        let record = ClipRecord { causes, clip, work, load_s, truth, sessions: 1, points: Vec::new() };
+        Ok(Current { index, case, file, record })
+    }
+
+    /// Finds out what the configurations are worth of which that is not known.
+    fn judge_all(
+        &self,
+        current: &mut Current<'_>,
+        folders: &Folders,
+        failed: &mut Vec<Failed>,
+        observer: &dyn Observer,
+    ) -> Result<()> {
+        let stem = ClipRecord::stem(current.index, &current.record.clip);
+        for (index, run) in self.runs.iter().enumerate() {
+            let unknown = run.settings.iter().any(|setting| current.record.point(setting).is_none());
+            if unknown {
+                match (self.judge)(current.index, index) {
+                    Ok(judged) => put_points(current, run, judged, (folders, &stem))?,
+                    Err(error) => fail(&current.record.clip, run, &error, failed, observer),
+                }
+                current.record.write(&current.file)?;
+            }
+            observer.did(self.judge_weight(run), unknown);
+        }
+        Ok(())
+    }
+
+    /// Runs every configuration until there are enough timed runs of it: all of them once, then all of them again.
+    fn time_all(&self, current: &mut Current<'_>, failed: &mut Vec<Failed>, observer: &dyn Observer) -> Result<()> {
+        let lacks = |record: &ClipRecord, run: &Run, round: usize| {
+            run.settings.iter().any(|s| record.point(s).is_some_and(|point| point.repeats.len() <= round))
+        };
+        let mut loaded: Option<Inputs<'_>> = None;
+        for round in 0..self.repeats {
+            for run in &self.runs {
+                let needed = lacks(&current.record, run, round);
+                if needed {
+                    if loaded.is_none() {
+                        let (inputs, load_s) = current.case.inputs()?;
+                        current.record.load_s = Some(load_s);
+                        self.warm_up(&self.bench(&inputs), &current.record)?;
+                        loaded = Some(inputs);
+                    }
+                    let Some(inputs) = &loaded else { continue };
+                    match self.bench(inputs).costs(run) {
+                        Ok(costs) => {
+                            for (setting, cost) in run.settings.iter().zip(costs) {
+                                if current.record.num_repeats(setting) <= round {
+                                    current.record.add_repeat(setting, cost);
+                                }
+                            }
+                        }
+                        Err(error) => fail(&current.record.clip, run, &error, failed, observer),
+                    }
+                    current.record.write(&current.file)?;
+                }
+                observer.did(run.weight(), needed);
+            }
+        }
+        Ok(())
+    }
+
+    fn bench<'b>(&'b self, inputs: &'b Inputs<'b>) -> Bench<'b> {
+        Bench { inputs, models: self.models, seed: self.seed }
+    }
+
+    fn warm_up(&self, bench: &Bench<'_>, record: &ClipRecord) -> Result<()> {
+        for _ in 0..self.warm_up {
+            for run in self.runs.iter().filter(|run| run.settings.iter().all(|s| record.point(s).is_some())) {
+                bench.warm_up(run)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Every configuration once, in the order of the grid.
+    fn settings(&self) -> Vec<Setting> {
+        self.runs.iter().flat_map(|run| run.settings.clone()).collect()
+    }
+
+    /// The command that runs a configuration on a clip.
+    fn command(&self, choice: &Choice, setting: &Setting) -> String {
+        let mut words = vec!["lgs-infer".to_owned(), choice.dir.display().to_string()];
+        let named =
+            setting.network.as_ref().and_then(|n| self.weights.iter().find(|(weights, _)| *weights == n.weights));
+        words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
+        words.extend(setting.flags());
+        words.push(format!("--hold-out {}", choice.hold_out));
+        words.extend(choice.cameras.as_ref().map(|cameras| format!("--cameras {}", cameras.join(","))));
+        words.extend(choice.image_size.map(|size| format!("--image-size {size}")));
+        words.extend(choice.num_frames.map(|count| format!("--frames 0..{}", count.saturating_sub(1))));
+        words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
+        words.join(" ")
+    }
+
+    /// Writes the pages of what was found so far; the rows of each clip.
+    fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<(String, Vec<Row>)>> {
+        let settings = self.settings();
+        let tables: Vec<Vec<Row>> = records.iter().map(|record| rows(record, &settings)).collect();
+        let mean = if tables.len() > 1 { mean_rows(&tables) } else { Vec::new() };
+        let commands: Vec<Vec<String>> = tables
+            .iter()
+            .zip(&self.clips)
+            .map(|(rows, choice)| rows.iter().map(|row| self.command(choice, &row.setting)).collect())
+            .collect();
+        let named = records.iter().zip(&tables).zip(&commands);
+        let lines: Vec<Table<'_>> =
+            named.map(|((record, rows), commands)| Table { clip: &record.clip, rows, commands }).collect();
+        let put = |name: &str, text: &str| write_atomic(&self.out.join(name), text.as_bytes());
+        put("points.csv", &csv(&lines))?;
+        let clips = records.iter().zip(&tables).map(|(record, rows)| OfClip {
+            clip: &record.clip,
+            source: &record.causes.source,
+            work: &record.work,
+            load_s: record.load_s,
+            rows,
+            points: settings.iter().filter_map(|setting| record.point(setting)).collect(),
+        });
+        let whole = Whole {
+            format: FORMAT,
+            machine: &self.machine,
+            weights: self.weights.iter().map(|(weights, _)| weights).collect(),
+            lpips: self.lpips.as_deref(),
+            seed: self.seed,
+            clips: clips.collect(),
+            mean: &mean,
+            failed,
+        };
+        let json =
+            serde_json::to_string_pretty(&whole).map_err(|source| SweepError::Json { what: "sweep.json", source })?;
+        let chapters: Vec<Chapter<'_>> = records
+            .iter()
+            .zip(&tables)
+            .zip(&commands)
+            .map(|((record, rows), commands)| Chapter { record, rows, commands })
+            .collect();
+        let page = Page { machine: &self.machine, chapters: &chapters, mean: &mean, out: &self.out, failed };
+        put("report.html", &html(&page)?)?;
+        put("sweep.json", &(json + "\n"))?;
+        Ok(records.iter().zip(tables).map(|(record, rows)| (record.clip.clone(), rows)).collect())
+    }
+}
+
+fn fail(clip: &str, run: &Run, error: &SweepError, failed: &mut Vec<Failed>, observer: &dyn Observer) {
+    let name = run.settings.last().map_or(String::new(), Setting::name);
+    observer.note(&format!("{clip}: {name}: {error}"));
+    failed.push(Failed { clip: clip.to_owned(), name, reason: error.to_string() });
+}
+
+/// Keeps what the configurations of a run are worth, of those of which it was not known.
+fn put_points(current: &mut Current<'_>, run: &Run, judged: Judged, (folders, stem): (&Folders, &str)) -> Result<()> {
+    for (setting, point) in run.settings.iter().zip(judged.points) {
+        if current.record.point(setting).is_some() {
+            continue;
+        }
+        let bytes = point.crop.as_deref().map(|text| STANDARD.decode(text)).transpose();
+        let bytes = bytes.map_err(|e| SweepError::Point(format!("{}: crop: {e}", setting.name())))?;
+        let name = format!("{stem}_{}.jpg", &hexadecimal(setting.identity()?.as_bytes())[..DIGITS]);
+        let crop = bytes.map(|bytes| put_crop(folders, &name, &bytes)).transpose()?;
+        let (setting, accuracy, peak_rss_mb) = (setting.clone(), point.accuracy, point.peak_rss_mb);
+        current.record.put(PointRecord { setting, accuracy, peak_rss_mb, crop, repeats: Vec::new() });
+    }
+    Ok(())
+}
+
+/// Writes a crop; its name.
+fn put_crop(folders: &Folders, name: &str, bytes: &[u8]) -> Result<String> {
+    write_atomic(&folders.crops.join(name), bytes)?;
+    Ok(name.to_owned())
+}

@@ -1,0 +1,218 @@
+//! One configuration of a reconstruction, in the words of `lgs-infer`.
+
+use std::num::NonZeroUsize;
+
+use clap::ValueEnum;
+use lgs_engine::{densify::Density, gaussians::background::Mode};
+use serde::{Deserialize, Serialize};
+
+use super::error::{Result, SweepError};
+
+/// Score above which the policy acts where nobody says otherwise.
+pub const THETA: f32 = 0.7;
+
+/// Where the background comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Background {
+    /// What the clip needs.
+    Auto,
+    /// None.
+    #[value(alias = "none")]
+    Off,
+    /// A far hemisphere.
+    Sky,
+    /// Where the surfaces around a gap continue to.
+    Depth,
+}
+
+/// Who prunes and adds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum DensityBy {
+    /// The network.
+    Policy,
+    /// Chance, as often as the network would.
+    Random,
+    /// Nobody.
+    Off,
+}
+
+/// Whether the query runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Switch {
+    /// It does.
+    On,
+    /// It does not.
+    Off,
+}
+
+/// Weights, apart from where they lie.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weights {
+    /// What people call them: the name of the file, or that of weights that ship.
+    pub name: String,
+    /// SHA-256 of the file; for seeded weights `random:` and that of the config.
+    pub sha256: String,
+}
+
+/// How a network is used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Network {
+    /// Its weights.
+    pub weights: Weights,
+    /// Whether primitives ask those of other moments.
+    pub query: Switch,
+    /// Who prunes and adds.
+    pub density: DensityBy,
+    /// Score above which a primitive is pruned or copied.
+    pub theta: f32,
+    /// Largest number of `LiDAR` Gaussians after the set update.
+    pub max_gaussians: Option<usize>,
+}
+
+/// Who refines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Refiner {
+    /// The network.
+    Learned {
+        /// Steps.
+        steps: usize,
+    },
+    /// Per-scene optimisation.
+    Adam {
+        /// Steps.
+        steps: usize,
+        /// Input views that a step looks at; `None` for all.
+        views: Option<NonZeroUsize>,
+    },
+}
+
+/// One configuration of a reconstruction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setting {
+    /// Where the background comes from.
+    pub background: Background,
+    /// How the network is used; `None` without one.
+    pub network: Option<Network>,
+    /// Who refines.
+    pub refiner: Refiner,
+}
+
+impl Background {
+    /// The engine's word for it.
+    pub const fn mode(self) -> Mode {
+        match self {
+            Self::Auto => Mode::Auto,
+            Self::Off => Mode::Off,
+            Self::Sky => Mode::Sky,
+            Self::Depth => Mode::Depth,
+        }
+    }
+}
+
+impl DensityBy {
+    /// The engine's word for it.
+    pub const fn density(self) -> Density {
+        match self {
+            Self::Policy => Density::Policy,
+            Self::Random => Density::Random,
+            Self::Off => Density::Off,
+        }
+    }
+}
+
+/// The word that the user gives for a value.
+pub fn word(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+}
+
+impl Setting {
+    /// Whether it is the reference: per-scene optimisation without a network.
+    pub const fn is_reference(&self) -> bool {
+        self.network.is_none()
+    }
+
+    /// Whether it is the same as another but for the number of steps.
+    pub fn differs_in_steps_only(&self, other: &Self) -> bool {
+        let same_refiner = match (self.refiner, other.refiner) {
+            (Refiner::Learned { .. }, Refiner::Learned { .. }) => true,
+            (Refiner::Adam { views, .. }, Refiner::Adam { views: others, .. }) => views == others,
+            _ => false,
+        };
+        same_refiner && self.background == other.background && self.network == other.network
+    }
+
+    /// Steps of whoever refines.
+    pub const fn steps(&self) -> usize {
+        match self.refiner {
+            Refiner::Learned { steps } | Refiner::Adam { steps, .. } => steps,
+        }
+    }
+
+    /// A text that tells it from every other.
+    ///
+    /// # Errors
+    /// Never: it holds nothing that JSON cannot say.
+    pub fn identity(&self) -> Result<String> {
+        serde_json::to_string(self).map_err(|source| SweepError::Json { what: "configuration", source })
+    }
+
+    /// The words of `lgs-infer` that ask for it, `--weights` left out.
+    pub fn flags(&self) -> Vec<String> {
+        let mut flags = vec![format!("--background {}", word(&self.background))];
+        match self.refiner {
+            Refiner::Learned { steps } => flags.push(format!("--refine-steps {steps}")),
+            Refiner::Adam { steps, views } => {
+                flags.push(format!("--refine-with adam:{steps}"));
+                flags.extend(views.map(|views| format!("--adam-views {views}")));
+            }
+        }
+        if let Some(network) = &self.network {
+            flags.push(format!("--query {}", word(&network.query)));
+            flags.push(format!("--density {}", word(&network.density)));
+            if network.density != DensityBy::Off {
+                flags.push(format!("--theta-prune {0} --theta-add {0}", network.theta));
+                flags.extend(network.max_gaussians.map(|most| format!("--max-gaussians {most}")));
+            }
+        }
+        flags
+    }
+
+    /// A name for people, of what is not as usual.
+    pub fn name(&self) -> String {
+        let mut parts = Vec::new();
+        parts.extend(self.network.as_ref().map(|network| network.weights.name.clone()));
+        match self.refiner {
+            Refiner::Learned { steps: 1 } => parts.push("1 step".to_owned()),
+            Refiner::Learned { steps } => parts.push(format!("{steps} steps")),
+            Refiner::Adam { steps, views } => {
+                let of = views.map_or(String::new(), |views| format!(" of {views} views"));
+                parts.push(format!("Adam {steps}{of}"));
+            }
+        }
+        if let Some(network) = &self.network {
+            parts.extend((network.query == Switch::Off).then(|| "no query".to_owned()));
+            match network.density {
+                DensityBy::Policy => {}
+                DensityBy::Random => parts.push("density by chance".to_owned()),
+                DensityBy::Off => parts.push("no policy".to_owned()),
+            }
+            if network.density != DensityBy::Off && network.theta != THETA {
+                parts.push(format!("theta {}", network.theta));
+            }
+            parts.extend(network.max_gaussians.map(|most| format!("at most {most}")));
+        }
+        match self.background {
+            Background::Auto => {}
+            Background::Off => parts.push("no background".to_owned()),
+            other => parts.push(format!("background {}", word(&other))),
+        }
+        parts.join(", ")
+    }
+}
