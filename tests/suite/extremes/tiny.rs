@@ -74,7 +74,6 @@ pub(super) fn write(root: &Path, frames: &[MadeFrame]) -> Outcome {
 /// A clip, reconstructed without a network and drawn from all of its cameras.
 pub(super) struct Reconstructed {
     pub(super) scene: GaussianSet,
-    pub(super) views: Vec<View>,
     pub(super) images: Vec<Rendered>,
 }
 
@@ -91,7 +90,7 @@ pub(super) fn reconstructed(root: &Path, image_size: Option<ImageSize>) -> Resul
     let splats = to_physical(&made.scene);
     let images = views.iter().map(|view| render(&splats, &view.pinhole, [0.0; 3])).collect();
     made.scene.check_finite().map_err(failed)?;
-    Ok(Reconstructed { scene: made.scene, views, images })
+    Ok(Reconstructed { scene: made.scene, images })
 }
 
 /// The reconstruction of a made clip, whose scene and images are finite.
