@@ -34,6 +34,25 @@ pub fn peak_rss_mb() -> Option<f64> {
     peak_from_status(&status)
 }
 
+/// Memory that this process can still get, bytes: what the system says is free, within the limits on the process and on its group;
+/// `None` where the system does not say.
+pub fn available_bytes() -> Option<u64> {
+    let text = |path: &str| std::fs::read_to_string(path).ok();
+    let free = text("/proc/meminfo").and_then(|page| kibibytes_of(&page, "MemAvailable:"));
+    let space = text("/proc/self/limits").and_then(|page| address_space(&page));
+    let group = text("/sys/fs/cgroup/memory.max").and_then(|page| page.trim().parse().ok());
+    [free, space, group].into_iter().flatten().min()
+}
+
+fn kibibytes_of(page: &str, key: &str) -> Option<u64> {
+    let line = page.lines().find_map(|line| line.strip_prefix(key))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+fn address_space(page: &str) -> Option<u64> {
+    page.lines().find_map(|line| line.strip_prefix("Max address space"))?.split_whitespace().next()?.parse().ok()
+}
+
 fn peak_from_status(status: &str) -> Option<f64> {
     let kibibytes: f64 =
         status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -49,6 +68,14 @@ mod tests {
         let status = "Name:\tlgs\nVmPeak:\t  900000 kB\nVmHWM:\t  125000 kB\nVmRSS:\t  1000 kB\n";
         assert_eq!(peak_from_status(status), Some(128.0));
         assert_eq!(peak_from_status("Name:\tlgs\n"), None);
+    }
+
+    #[test]
+    fn what_can_still_be_had_is_read_in_bytes() {
+        assert_eq!(super::kibibytes_of("MemTotal: 9 kB\nMemAvailable:   22 kB\n", "MemAvailable:"), Some(22 * 1024));
+        let limits = "Limit   Soft Limit   Hard Limit   Units\nMax address space    2048000    unlimited    bytes\n";
+        assert_eq!(super::address_space(limits), Some(2_048_000));
+        assert_eq!(super::address_space(&limits.replace("2048000", "unlimited")), None);
     }
 
     #[test]

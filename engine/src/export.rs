@@ -7,7 +7,7 @@ use lgs_formats::{
 
 use crate::{
     densify::DensityMap,
-    error::{EngineError, Result},
+    error::Result,
     gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
     views::View,
 };
@@ -23,9 +23,9 @@ pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 /// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
 ///
 /// # Errors
-/// [`EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
+/// [`crate::error::EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
 pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<SplatCloud> {
-    check_finite(set)?;
+    set.check_finite()?;
     let physical = to_physical(set);
     let rows = &set.attributes;
     Ok(SplatCloud {
@@ -70,30 +70,6 @@ fn score_columns(map: &DensityMap, len: usize) -> Vec<(String, Vec<f32>)> {
     let column = |scores: &[f32]| scores.iter().copied().chain(std::iter::repeat(0.0)).take(len).collect();
     let columns = [column(&map.updated.prune), column(&map.updated.add)];
     SCORE_COLUMNS.map(str::to_owned).into_iter().zip(columns).collect()
-}
-
-fn check_finite(set: &GaussianSet) -> Result<()> {
-    let rows = set.attributes.iter().zip(&set.velocities).zip(&set.times);
-    for (i, ((attributes, velocity), time)) in rows.enumerate() {
-        let values = attributes.iter().chain(velocity).chain([time]);
-        let mut values = values.enumerate();
-        if let Some((column, &found)) = values.find(|(_, value)| !value.is_finite()) {
-            return Err(EngineError::NonFinite { what: format!("Gaussian {i}, {}", column_name(column)), found });
-        }
-    }
-    Ok(())
-}
-
-fn column_name(column: usize) -> &'static str {
-    match column {
-        0..3 => "mean",
-        3..7 => "quaternion",
-        7..10 => "log scale",
-        10 => "opacity logit",
-        11..14 => "colour logit",
-        14..17 => "velocity",
-        _ => "time",
-    }
 }
 
 /// The quaternion at length one; the identity when it has no length.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::error::Result;
+use crate::error::{EngineError, Result};
 use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
 use crate::network::buffers::Buffers;
 use crate::network::config::ModelConfig;
@@ -93,16 +93,23 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
     Ok(None)
 }
 
+/// Nothing, when nobody's outputs had to be skipped.
+fn all_finite(skipped: &[usize], count: usize) -> Result<()> {
+    let Some(first) = skipped.first() else { return Ok(()) };
+    let found = format!("others for {} of {count}, the first of them Gaussian {first}", skipped.len());
+    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
+}
+
 /// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.
 ///
 /// # Errors
-/// When a position leaves the voxel grid.
+/// When a position leaves the voxel grid, or a Gaussian would get a value that is not finite.
 pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedModel) -> Result<()> {
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
     let heads = model.initial.heads();
     let own = if heads.read_own() { initial_rows(set, &chosen) } else { Vec::new() };
     let outputs = heads.forward(&features.rows, &own, chosen.len(), &mut features.buffers);
-    add_residuals(set, &chosen, &outputs, heads.num_outputs());
+    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()), chosen.len())?;
     features.buffers.give(outputs);
     let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
     if chosen.is_empty() {
@@ -123,7 +130,7 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
         let outputs = gather(&by_site, &levels, buffers);
         (by_site, outputs)
     };
-    add_residuals(set, &chosen, &outputs, heads.num_outputs());
+    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()), chosen.len())?;
     [sites, first, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
 }

@@ -32,6 +32,8 @@ pub struct RefineSummary {
     pub pyramids_kept: usize,
     /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
     pub non_finite_gradients: usize,
+    /// Gaussians that an output of the network would have given a value that is not finite and that were left as they were, over all steps.
+    pub non_finite_outputs: usize,
     /// What it took; no result, so not part of what is written of one.
     #[serde(skip)]
     pub seconds: RefineSeconds,
@@ -84,7 +86,7 @@ impl Pyramid {
 /// The loss gradients are inputs of the network and constants.
 ///
 /// # Errors
-/// When a position leaves the voxel grid.
+/// When a value of the scene is not finite, or a position leaves the voxel grid.
 pub fn refine(
     set: &mut GaussianSet,
     views: &[&View],
@@ -111,6 +113,7 @@ pub fn refine_and_show(
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(summary);
     }
+    set.check_finite()?;
     let guidance = model.config.guidance;
     let mut current = measured(set, views, guidance, &mut summary);
     for _ in 0..steps {
@@ -119,7 +122,7 @@ pub fn refine_and_show(
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
         let start = Instant::now();
         for (branch, pyramid) in pyramids.iter_mut().enumerate() {
-            step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
+            summary.non_finite_outputs += step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
         }
         summary.seconds.network += start.elapsed().as_secs_f64();
         if *set == before {
@@ -175,18 +178,18 @@ pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
     })
 }
 
-/// One step of one branch.
+/// One step of one branch; how many Gaussians were left as they were because their outputs are not finite.
 fn step(
     set: &mut GaussianSet,
     objective: &Objective,
     model: &FoldedModel,
     (moving, pyramid): (bool, &mut Pyramid),
     buffers: &mut Buffers,
-) -> Result<()> {
+) -> Result<usize> {
     let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
     let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
     if seen.is_empty() {
-        return Ok(());
+        return Ok(0);
     }
     let config = &model.config;
     let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
@@ -204,9 +207,9 @@ fn step(
         with_own(&mut features, &rows.own, seen.len());
     }
     let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
-    add_residuals(set, &seen, &outputs, heads.num_outputs());
+    let skipped = add_residuals(set, &seen, &outputs, heads.num_outputs());
     [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
-    Ok(())
+    Ok(skipped.len())
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.

@@ -2,6 +2,7 @@
 
 pub mod error;
 pub mod frame_list;
+pub mod interrupt;
 pub mod pose;
 pub mod program;
 

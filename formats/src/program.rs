@@ -6,6 +6,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, error::ErrorKind as UsageError};
 
+use crate::interrupt;
+
 /// Exit code of a run that came to its end and found something to look at.
 const FINDINGS: u8 = 1;
 /// Exit code of an error.
@@ -40,6 +42,9 @@ pub fn run<A: Parser, O: Into<Outcome>, E: AsRef<dyn Error + Send + Sync>>(
         Err(error) if error.use_stderr() => return fail(name, &usage(&error)),
         Err(help) => return finish(name, &help.to_string().into()),
     };
+    if let Err(error) = interrupt::wait_for_files() {
+        return fail(name, &format!("signals: {error}"));
+    }
     match act(&args) {
         Ok(outcome) => finish(name, &outcome.into()),
         Err(error) => fail(name, &chain(error.as_ref())),

@@ -7,6 +7,32 @@ use crate::error::{FormatError, Result};
 /// Largest sweep, image, mask or splat cloud that is read, bytes.
 pub(crate) const MAX_DATA_BYTES: u64 = 4 << 30;
 
+/// Bytes that any packed file may unfold to.
+const UNPACKED_BYTES: u64 = 64 << 20;
+/// Times its own size that a larger one may unfold to: sensor data do so 1.5 to 3 times, what is made to fill a memory 1000 times.
+const UNPACKED_SHARE: u64 = 4;
+
+/// Most bytes that a packed file, or part of one, of `packed` bytes may unfold to.
+pub(crate) const fn unpacked_limit(packed: u64) -> u64 {
+    packed.saturating_mul(UNPACKED_SHARE).saturating_add(UNPACKED_BYTES)
+}
+
+/// What `reader` unfolds of a file of `packed` bytes; `kind` is what errors call the packing.
+///
+/// # Errors
+/// Bytes that are damaged, or that unfold to more than [`unpacked_limit`].
+pub(crate) fn read_unpacked(path: &Path, kind: &str, packed: u64, reader: impl Read) -> Result<Vec<u8>> {
+    let limit = unpacked_limit(packed);
+    let mut bytes = Vec::new();
+    let unpacked = reader.take(limit.saturating_add(1)).read_to_end(&mut bytes);
+    unpacked.map_err(|e| FormatError::syntax(path, kind, format!("{e} (truncated?)")))?;
+    if bytes.len() as u64 > limit {
+        let expected = format!("at most {limit} bytes unpacked from {packed}");
+        return Err(FormatError::invalid(path, kind, expected, "more"));
+    }
+    Ok(bytes)
+}
+
 /// The size of a regular file, bytes.
 ///
 /// # Errors

@@ -2,7 +2,10 @@
 
 use std::{io::Write, path::Path};
 
-use crate::error::{FormatError, Result};
+use crate::{
+    error::{FormatError, Result},
+    interrupt::Unfinished,
+};
 
 /// Nothing: afterwards `path` holds exactly `bytes`, or, on an error, what it held before.
 ///
@@ -29,6 +32,7 @@ pub fn write_atomic_with<T>(path: &Path, fill: impl FnOnce(&mut std::fs::File) -
     let permissions = <std::fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
     #[cfg(unix)]
     builder.permissions(permissions); // the umask takes its share, as for any new file
+    let _unfinished = Unfinished::new();
     let mut file = builder.tempfile_in(directory).map_err(|e| FormatError::io(path, "create", e))?;
     let value = fill(file.as_file_mut())?;
     file.as_file().sync_all().map_err(|e| FormatError::io(path, "sync", e))?;

@@ -30,7 +30,10 @@ pub struct Targets {
 /// # Formula
 /// `sign(d) ln(1 + |d| / scale)`.
 pub fn signed_log(delta: f64, scale: f64) -> f64 {
-    (delta.abs() / scale).ln_1p().copysign(delta)
+    let ratio = delta.abs() / scale;
+    // Beyond f64 the 1 does not count.
+    let size = if ratio.is_finite() { ratio.ln_1p() } else { delta.abs().ln() - scale.ln() };
+    size.copysign(delta)
 }
 
 impl Moments {

@@ -1,6 +1,7 @@
 //! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
 
 mod cli;
+mod extremes;
 mod golden;
 mod importers;
 mod network;
@@ -30,5 +31,7 @@ fn main() -> ExitCode {
     cases.extend(sweep::cases());
     cases.extend(viewer::cases());
     cases.extend(readme::cases());
+    let others = cases.iter().map(|case| case.name().to_owned()).collect();
+    cases.extend(extremes::cases(others));
     libtest_mimic::run(&arguments, cases).exit_code()
 }

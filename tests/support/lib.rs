@@ -4,6 +4,8 @@ pub mod browser;
 pub mod clips;
 pub mod compare;
 pub mod golden;
+pub mod hostile;
+pub mod hostile_models;
 pub mod layouts;
 pub mod metrics;
 pub mod pictures;

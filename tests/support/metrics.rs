@@ -27,7 +27,8 @@ const TOP: [&str; 12] = [
 ];
 /// What a network adds.
 const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
-const REFINE: [&str; 6] = ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients"];
+const REFINE: [&str; 7] =
+    ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients", "non_finite_outputs"];
 const REFINE_STAGES: [&str; 3] = ["refine_render", "refine_loss", "refine_network"];
 const GAUSSIANS: [&str; 5] = ["initial", "pruned", "added", "final", "background"];
 const STAGES: [&str; 9] =

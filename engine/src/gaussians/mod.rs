@@ -6,6 +6,8 @@ pub mod physical;
 
 pub use initial::initial;
 
+use crate::error::{EngineError, Result};
+
 /// Attributes of one Gaussian: mean 3, quaternion 4, log scale 3, opacity logit 1, colour logit 3.
 pub const NUM_ATTRIBUTES: usize = 14;
 /// Columns of the mean (metres, clip frame).
@@ -65,5 +67,33 @@ impl GaussianSet {
     /// Whether there is no Gaussian at all.
     pub fn is_empty(&self) -> bool {
         self.attributes.is_empty()
+    }
+
+    /// Nothing, when every value is finite.
+    ///
+    /// # Errors
+    /// [`EngineError::NonFinite`] for the first Gaussian with a value that is not, by its attribute.
+    pub fn check_finite(&self) -> Result<()> {
+        let rows = self.attributes.iter().zip(&self.velocities).zip(&self.times);
+        for (i, ((attributes, velocity), time)) in rows.enumerate() {
+            let values = attributes.iter().chain(velocity).chain([time]);
+            let mut values = values.enumerate();
+            if let Some((column, &found)) = values.find(|(_, value)| !value.is_finite()) {
+                return Err(EngineError::NonFinite { what: format!("Gaussian {i}, {}", column_name(column)), found });
+            }
+        }
+        Ok(())
+    }
+}
+
+const fn column_name(column: usize) -> &'static str {
+    match column {
+        0..3 => "mean",
+        3..7 => "quaternion",
+        7..10 => "log scale",
+        10 => "opacity logit",
+        11..14 => "colour logit",
+        14..17 => "velocity",
+        _ => "time",
     }
 }

@@ -35,6 +35,9 @@ pub enum Guide<'a> {
     Residual(&'a MeanResiduals),
 }
 
+/// Rows below which every value counts for their scale.
+const FEW_ROWS: usize = 16;
+
 /// What makes the usual mean residuals about 1, by attribute and velocity: all but the smallest count by their sign and logarithm, so that a
 /// Gaussian that hardly shows has its say.
 const RESIDUAL_GAIN: [f64; NUM_ATTRIBUTES + 3] = {
@@ -142,11 +145,29 @@ fn asinh(x: f64) -> f64 {
     value.copysign(x)
 }
 
-/// One over the mean magnitude of every column; 0 where a column is zero.
-fn inverse_mean<const D: usize>(rows: impl ExactSizeIterator<Item = [f32; D]>) -> [f64; D] {
-    let (mut sums, count) = ([0.0_f64; D], rows.len() as f64);
-    for row in rows {
-        sums.iter_mut().zip(row).for_each(|(s, v)| *s += f64::from(v).abs());
+/// One over the mean magnitude of every column; 0 where a column is zero. One value that is more than all others together does not
+/// count where there are [`FEW_ROWS`] or more: it says nothing about their scale.
+fn inverse_mean<const D: usize>(rows: impl ExactSizeIterator<Item = [f32; D]> + Clone) -> [f64; D] {
+    let few = rows.len() < FEW_ROWS;
+    let (mut sums, mut largest, count) = ([0.0_f64; D], [0.0_f64; D], rows.len() as f64);
+    for row in rows.clone() {
+        for ((sum, largest), value) in sums.iter_mut().zip(&mut largest).zip(row) {
+            let value = f64::from(value).abs();
+            *sum += value;
+            *largest = largest.max(value);
+        }
+    }
+    let alone: [bool; D] = std::array::from_fn(|k| !few && 2.0 * largest[k] > sums[k]);
+    if alone.contains(&true) {
+        // Summed anew: in the sum with it, the others may be lost.
+        let mut others = [0.0_f64; D];
+        for row in rows {
+            for ((sum, &largest), value) in others.iter_mut().zip(&largest).zip(row) {
+                let value = f64::from(value).abs();
+                *sum += if value < largest { value } else { 0.0 };
+            }
+        }
+        (0..D).filter(|&k| alone[k] && others[k] > 0.0).for_each(|k| sums[k] = others[k]);
     }
     sums.map(|s| if s > 0.0 { count / s } else { 0.0 })
 }

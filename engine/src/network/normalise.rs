@@ -59,20 +59,29 @@ pub(super) fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
     (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
 }
 
-/// Adds head outputs to `chosen` Gaussians.
+/// Adds head outputs to `chosen` Gaussians; those that would get a value that is not finite stay as they are, and are returned.
 ///
 /// # Shapes
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
-pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) {
+#[must_use]
+pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> Vec<usize> {
+    let mut skipped = Vec::new();
     for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
         let scales = residual_scale(&set.attributes[i]);
-        for (value, (o, scale)) in set.attributes[i].iter_mut().zip(output.iter().zip(scales)) {
+        let (mut row, mut velocity) = (set.attributes[i], set.velocities[i]);
+        for (value, (o, scale)) in row.iter_mut().zip(output.iter().zip(scales)) {
             *value += o * scale;
         }
-        for (value, o) in set.velocities[i].iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
+        for (value, o) in velocity.iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
             *value += o * VELOCITY_RESIDUAL;
         }
+        if row.iter().chain(&velocity).all(|value| value.is_finite()) {
+            (set.attributes[i], set.velocities[i]) = (row, velocity);
+        } else {
+            skipped.push(i);
+        }
     }
+    skipped
 }
 
 /// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
@@ -150,13 +159,27 @@ mod tests {
         }
     }
 
+    #[test]
+    fn what_would_not_be_finite_stays_as_it_is() {
+        let (before, width) = (set(4), NUM_ATTRIBUTES + 3);
+        let mut outputs = vec![0.25; 4 * width];
+        outputs[width + 2] = f32::NAN;
+        outputs[2 * width + 15] = f32::MAX;
+        let mut after = before.clone();
+        assert_eq!(add_residuals(&mut after, &[0, 1, 2, 3], &outputs, width), [1, 2]);
+        for i in 0..4 {
+            assert_eq!(after.attributes[i] == before.attributes[i], i == 1 || i == 2, "Gaussian {i}");
+        }
+        assert!(after.check_finite().is_ok());
+    }
+
     /// `<gradient, update(outputs) - set> = <residual gradient, outputs>`: the update is linear in the outputs.
     #[test]
     fn gradients_of_residuals_are_the_transpose_of_their_update() {
         let (before, chosen, width) = (set(6), [1, 2, 5], NUM_ATTRIBUTES + 3);
         let outputs: Vec<f32> = (0..chosen.len() * width).map(|k| value(k + 3)).collect();
         let mut after = before.clone();
-        add_residuals(&mut after, &chosen, &outputs, width);
+        assert!(add_residuals(&mut after, &chosen, &outputs, width).is_empty());
         let g = gradient(6, 1.0);
         let moved = |a: &[f32], b: &[f32], g: &[f32]| {
             a.iter().zip(b).zip(g).map(|((a, b), g)| f64::from(a - b) * f64::from(*g)).sum::<f64>()

@@ -6,6 +6,7 @@
 mod evaluate;
 mod hold_out;
 mod inputs;
+mod memory;
 mod network;
 mod reconstruct;
 mod stages;
@@ -15,6 +16,7 @@ mod tests;
 pub use evaluate::{Drawing, Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
+pub use memory::{Need, check_memory};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
 pub use reconstruct::{GaussianCounts, Reconstruction, optimise, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

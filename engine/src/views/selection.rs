@@ -74,6 +74,19 @@ impl Selection {
         Ok(self.images(clip)?.iter().filter(|image| image.role == role).count())
     }
 
+    /// `[H, W]` of every image that the selection holds, as it will be loaded.
+    ///
+    /// # Errors
+    /// Those of [`Selection::num_images`].
+    pub fn sizes(&self, clip: &Clip) -> Result<Vec<[usize; 2]>> {
+        let own = |image: &SelectedImage| {
+            let camera = &clip.frames[image.frame].cameras[image.camera].camera;
+            [camera.height, camera.width].map(|side| usize::try_from(side).unwrap_or(usize::MAX))
+        };
+        let size = |image: &SelectedImage| self.image_size.map_or_else(|| own(image), |size| [size.height, size.width]);
+        Ok(self.images(clip)?.iter().map(size).collect())
+    }
+
     /// The images to load: frame by frame, cameras in the clip's order.
     ///
     /// # Errors

@@ -1,17 +1,13 @@
 //! `.npz` archives of numpy: zip files of `.npy` arrays.
 
-use std::{
-    fs::File,
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::{fs::File, io::BufReader, path::Path};
 
 use zip::ZipArchive;
 
 use super::numpy::{Array, parse_npy};
 use crate::{
     error::{FormatError, Result},
-    read::{MAX_DATA_BYTES, file_size},
+    read::{MAX_DATA_BYTES, file_size, read_unpacked},
 };
 
 /// The array `name` of an archive.
@@ -20,7 +16,7 @@ use crate::{
 /// A file that is no archive, one without that array, an array of another form than numpy writes or of values other
 /// than numbers.
 pub(super) fn read_npz(file: &Path, name: &str) -> Result<Array> {
-    file_size(file, MAX_DATA_BYTES)?;
+    let packed = file_size(file, MAX_DATA_BYTES)?;
     let reader = BufReader::new(File::open(file).map_err(|e| FormatError::io(file, "read", e))?);
     let mut archive = ZipArchive::new(reader).map_err(|e| FormatError::syntax(file, "archive", e.to_string()))?;
     let member = format!("{name}.npy");
@@ -30,7 +26,5 @@ pub(super) fn read_npz(file: &Path, name: &str) -> Result<Array> {
         return Err(FormatError::invalid(file, "archive", format!("an array `{name}`"), found));
     }
     let entry = archive.by_name(&member).map_err(|e| FormatError::syntax(file, name, e.to_string()))?;
-    let mut bytes = Vec::new();
-    entry.take(MAX_DATA_BYTES).read_to_end(&mut bytes).map_err(|e| FormatError::syntax(file, name, e.to_string()))?;
-    parse_npy(file, name, &bytes)
+    parse_npy(file, name, &read_unpacked(file, name, packed, entry)?)
 }

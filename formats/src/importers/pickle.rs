@@ -15,7 +15,7 @@ use flate2::read::MultiGzDecoder;
 use super::{table::Table, values::At};
 use crate::{
     error::{FormatError, Result},
-    read::{MAX_DATA_BYTES, file_size, read_file},
+    read::{MAX_DATA_BYTES, file_size, read_file, read_unpacked},
 };
 
 /// What a gzip file starts with.
@@ -35,20 +35,14 @@ fn frame_of(at: At<'_>, bytes: &[u8]) -> Result<Table> {
 }
 
 fn decompressed(file: &Path) -> Result<Vec<u8>> {
-    file_size(file, MAX_DATA_BYTES)?;
+    let packed = file_size(file, MAX_DATA_BYTES)?;
     let mut start = [0; 2];
     let io = |e| FormatError::io(file, "read", e);
     let is_gzip = File::open(file).map_err(io)?.read_exact(&mut start).is_ok() && start == GZIP;
     if !is_gzip {
         return read_file(file, MAX_DATA_BYTES);
     }
-    let mut bytes = Vec::new();
-    let reader = MultiGzDecoder::new(File::open(file).map_err(io)?);
-    reader
-        .take(MAX_DATA_BYTES)
-        .read_to_end(&mut bytes)
-        .map_err(|e| FormatError::syntax(file, "gzip", format!("{e} (truncated?)")))?;
-    Ok(bytes)
+    read_unpacked(file, "gzip", packed, MultiGzDecoder::new(File::open(file).map_err(io)?))
 }
 
 #[cfg(test)]

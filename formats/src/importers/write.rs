@@ -11,6 +11,7 @@ use crate::{
     clip_dir::{ClipDir, write_clip},
     error::{FormatError, Result},
     image,
+    interrupt::Unfinished,
     read::{MAX_DATA_BYTES, read_file},
     sweep::write_sweep,
     write::write_atomic,
@@ -33,6 +34,7 @@ pub fn write(source: &ClipDir, out: &Path) -> Result<()> {
     fs::create_dir_all(parent).map_err(|e| FormatError::io(parent, "create", e))?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".lgs-").suffix(".part");
+    let _unfinished = Unfinished::new();
     let place = builder.tempdir_in(parent).map_err(|e| FormatError::io(out, "create", e))?;
     fill(source, place.path())?;
     share(place.path(), parent);

@@ -10,6 +10,8 @@ mod twin;
 
 use libtest_mimic::Trial;
 
+pub(crate) use problems::config;
+
 pub(crate) fn cases() -> Vec<Trial> {
     [twin::cases(), closed_form::cases(), edges::cases(), job::cases(), interruptions::cases(), deploy::cases()]
         .into_iter()

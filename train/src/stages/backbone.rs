@@ -7,7 +7,7 @@
 use candle_core::backprop::GradStore;
 use lgs_engine::{
     densify::{self, Action},
-    gaussians::{GaussianSet, RawGradient},
+    gaussians::{GaussianSet, NUM_ATTRIBUTES, RawGradient},
     loss::LossWeights,
     network::{
         config::Guidance,
@@ -126,7 +126,10 @@ fn outcomes(run: impl Fn(Branch) -> Result<Option<Outcome>> + Sync) -> Result<Ve
 fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
     let mut updated = set.clone();
     for outcome in outcomes {
-        add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?);
+        // Seen in the loss, so that the step changes nothing.
+        for i in add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?) {
+            (updated.attributes[i], updated.velocities[i]) = ([f32::NAN; NUM_ATTRIBUTES], [f32::NAN; 3]);
+        }
     }
     Ok(updated)
 }

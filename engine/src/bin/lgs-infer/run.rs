@@ -14,7 +14,8 @@ use lgs_engine::{
         source::{ModelSource, config_of},
     },
     pipeline::{
-        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, evaluate_views, optimise, reconstruct,
+        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, check_memory, evaluate_views, optimise,
+        reconstruct,
     },
     refine::adam::AdamSettings,
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
@@ -55,6 +56,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
+    check_memory(&dir, &job.selection)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
     let exports = exports(args, inputs.views())?;

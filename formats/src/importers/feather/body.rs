@@ -12,7 +12,7 @@ use crate::{
         table::{Column, Named},
         values::At,
     },
-    read::MAX_DATA_BYTES,
+    read::unpacked_limit,
 };
 
 /// What stands before a message's length.
@@ -122,7 +122,12 @@ impl<'a> Buffers<'a> {
         if size == -1 {
             return packed.get(..len).map(Cow::Borrowed).ok_or_else(truncated);
         }
-        let limit = MAX_DATA_BYTES.min(len as u64);
+        let limit = len as u64;
+        if limit > unpacked_limit(packed.len() as u64) {
+            let expected =
+                format!("at most {} bytes unpacked from {}", unpacked_limit(packed.len() as u64), packed.len());
+            return Err(self.at.error(expected, limit.to_string()));
+        }
         if index(size).is_none_or(|size| size < len) {
             return Err(truncated());
         }

@@ -1,0 +1,184 @@
+//! Good folders of every target, and how each is read to its end.
+
+use std::fs;
+use std::path::Path;
+
+use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::cloud::SplatCloud;
+use lgs_formats::image::ImageSize;
+use lgs_formats::importers::{self, Layout, Selection};
+use lgs_formats::ply::{read_ply, write_ply};
+use lgs_formats::targets::{
+    ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Normalise, Shard, ShardRecord,
+    Signal, TARGETS_FORMAT, TargetsConfig, ZScore, shard_file, write_shard,
+};
+
+/// Size that images are brought to.
+const SIZE: ImageSize = ImageSize { height: 8, width: 12 };
+type Said = Result<(), String>;
+
+fn said(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
+
+fn copy(from: &Path, to: &Path) -> Said {
+    fs::create_dir_all(to).map_err(said)?;
+    for entry in fs::read_dir(from).map_err(said)? {
+        let entry = entry.map_err(said)?;
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &target)?;
+        } else {
+            fs::copy(entry.path(), target).map_err(said)?;
+        }
+    }
+    Ok(())
+}
+
+/// Panics, in the way of a fuzzer, unless a reader kept its promise.
+fn promise(holds: bool, what: &str) {
+    assert!(holds, "{what}");
+}
+
+/// Every sweep and image of a clip, which are finite where they can be read.
+fn read_all(dir: &ClipDir) -> Said {
+    for (f, frame) in dir.clip().frames.iter().enumerate() {
+        let sweep = dir.load_sweep(f).map_err(said)?;
+        promise(sweep.points.as_flattened().iter().all(|v| v.is_finite()), "a point that is not finite");
+        promise(sweep.points.len() == sweep.intensities.len(), "points without an intensity");
+        for c in 0..frame.cameras.len() {
+            let image = dir.load_image(f, c, Some(SIZE)).map_err(said)?;
+            promise(image.rgb.data.iter().all(|v| (0.0..=1.0).contains(v)), "a colour out of range");
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn fill_clip(repository: &Path, to: &Path) -> Said {
+    let source = fixture(repository, Layout::Dgp)?;
+    importers::write(&importers::open_as(Layout::Dgp, &source, &Selection::default()).map_err(said)?, to).map_err(said)
+}
+
+pub(super) fn read_clip(folder: &Path) -> Said {
+    read_all(&ClipDir::open(folder).map_err(said)?)
+}
+
+pub(super) fn fill_ply(_: &Path, to: &Path) -> Said {
+    let n = 3;
+    let cloud = SplatCloud {
+        means: vec![[1.0, 2.0, 3.0]; n],
+        log_scales: vec![[-1.0; 3]; n],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        logit_opacities: vec![0.5; n],
+        sh_dc: vec![[0.25; 3]; n],
+        velocities: vec![[0.0; 3]; n],
+        times: vec![0.1; n],
+        extra: vec![("p_add".to_owned(), vec![0.5; n])],
+    };
+    write_ply(&to.join("scene.ply"), &cloud).map_err(said)
+}
+
+/// What can be read can be written and is then the same.
+pub(super) fn read_scene(folder: &Path) -> Said {
+    let cloud = read_ply(&folder.join("scene.ply")).map_err(said)?;
+    let numbers =
+        [cloud.means.as_flattened(), cloud.log_scales.as_flattened(), cloud.quats.as_flattened(), &cloud.times];
+    promise(numbers.concat().iter().all(|v| v.is_finite()), "a value that is not finite");
+    let again = folder.join("scene.ply");
+    if write_ply(&again, &cloud).is_ok() {
+        promise(read_ply(&again).map_err(said)? == cloud, "another cloud than was written");
+    }
+    Ok(())
+}
+
+pub(super) fn fill_targets(_: &Path, to: &Path) -> Said {
+    let action = ActionTargets { y: vec![0.25, 0.5], delta: vec![1.0, 0.0], mask: vec![true, false] };
+    let targets = ClipTargets {
+        index: vec![0, 2],
+        samples: vec![1, 2],
+        prune: action.clone(),
+        add: action,
+        moments: [[0.0, 1.0]; 2],
+        gaussians: vec![[0.5; 14]; 3],
+        times: vec![0.0; 3],
+        velocities: vec![[0.0; 3]; 3],
+        features: None,
+    };
+    let config = TargetsConfig {
+        signal: Signal::Response,
+        normalise: Normalise::Branch,
+        rounds: 1,
+        rho: 0.5,
+        neighbours: 2,
+        noise_m: 0.01,
+        log_scale: 1.0,
+        zscore: ZScore::Joint,
+        with_features: false,
+        cameras: None,
+        image_size: Some([8, 12]),
+        seed: 0,
+        weights: None,
+    };
+    let encoded = EncodedClip::new(to, &targets).map_err(said)?;
+    let file = shard_file(0);
+    write_shard(&to.join(&file), &config, &[("a", encoded.dims)], |_| Ok(encoded.clone())).map_err(said)?;
+    let clip = ClipRecord { clip: "a".to_owned(), primitives: 3, sampled: 2, valid_prune: 1, valid_add: 1 };
+    let shard = ShardRecord::of(to, file, vec![clip]).map_err(said)?;
+    let manifest = Manifest {
+        format: TARGETS_FORMAT.to_owned(),
+        part: None,
+        config,
+        clips: vec!["a".to_owned()],
+        shards: vec![shard],
+        failed: Vec::new(),
+    };
+    manifest.write(&to.join(MANIFEST_FILE)).map_err(said)
+}
+
+pub(super) fn read_targets(folder: &Path) -> Said {
+    let manifest = Manifest::read(&folder.join(MANIFEST_FILE)).map_err(said);
+    let shard = Shard::read(&folder.join(shard_file(0))).map_err(said);
+    if let Ok(shard) = &shard {
+        for name in shard.names() {
+            let clip = shard.clip(name).map_err(said)?;
+            promise(clip.gaussians.as_flattened().iter().all(|v| v.is_finite()), "a value that is not finite");
+            promise(clip.prune.y.iter().chain(&clip.add.y).all(|y| (0.0..=1.0).contains(y)), "a target out of range");
+        }
+    }
+    manifest?.verify(folder).map_err(said)?;
+    shard.map(drop)
+}
+
+fn fixture(repository: &Path, layout: Layout) -> Result<std::path::PathBuf, String> {
+    let name = match layout {
+        Layout::Dgp => "dgp",
+        Layout::KittiRaw => "kitti",
+        Layout::Argoverse2 => "av2",
+        Layout::PandaSet => "pandaset",
+        Layout::NuScenes => "nuscenes",
+    };
+    let path = repository.join("tests/fixtures").join(name);
+    if path.is_dir() { Ok(path) } else { Err(format!("{}: missing", path.display())) }
+}
+
+fn read_foreign(layout: Layout, folder: &Path) -> Said {
+    read_all(&importers::open_as(layout, folder, &Selection::default()).map_err(said)?)
+}
+
+macro_rules! foreign {
+    ($fill:ident, $read:ident, $layout:expr) => {
+        pub(super) fn $fill(repository: &Path, to: &Path) -> Said {
+            copy(&fixture(repository, $layout)?, to)
+        }
+
+        pub(super) fn $read(folder: &Path) -> Said {
+            read_foreign($layout, folder)
+        }
+    };
+}
+
+foreign!(fill_dgp, read_dgp, Layout::Dgp);
+foreign!(fill_av2, read_av2, Layout::Argoverse2);
+foreign!(fill_pandaset, read_pandaset, Layout::PandaSet);
+foreign!(fill_nuscenes, read_nuscenes, Layout::NuScenes);
+foreign!(fill_kitti, read_kitti, Layout::KittiRaw);
