@@ -61,8 +61,8 @@ fn patches(count: usize, size: usize) -> Result<Arc<Patches>, libtest_mimic::Fai
 
 fn attention_logits() -> Outcome {
     let row = |i: usize| {
-        let side = if i % 2 == 0 { 120.0 } else { -120.0 };
-        [[side; 4], [if i % 3 == 0 { 120.0 } else { -120.0 }; 4], [i as f32 - 6.0; 4]].concat()
+        let side = if i.is_multiple_of(2) { 120.0 } else { -120.0 };
+        [[side; 4], [if i.is_multiple_of(3) { 120.0 } else { -120.0 }; 4], [i as f32 - 6.0; 4]].concat()
     };
     let qkv = tensor((0..12).flat_map(row).collect(), 12)?;
     let out = values(&attention(&qkv, 1, &patches(12, 12)?).map_err(failed)?)?;
