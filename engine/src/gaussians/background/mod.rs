@@ -22,7 +22,8 @@ use crate::{
 /// Where the background comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// The one that scored best on held-out frames: [`Mode::Depth`].
+    /// The one that scored best on held-out frames: [`Mode::Depth`]. PSNR without a network, gaps and depth: 15.87 and 19.59 dB on DDAD
+    /// (three cameras, 304x484), 19.52 and 20.67 on KITTI (188x621), 24.10 and 25.92 over six procedural scenes (128x256).
     #[default]
     Auto,
     /// No background.
