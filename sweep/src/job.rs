@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use lgs_engine::{network::source::LoadedModel, pipeline::Inputs};
-use lgs_formats::{clip_dir::ClipDir, write::write_atomic};
-use lgs_train::ablate::{choice::Choice, subject::open};
+use lgs_formats::{clip_dir::ClipDir, digest::sha256, write::write_atomic};
+use lgs_train::ablate::{choice::Choice, record::file_stem, subject::open};
 use serde::Serialize;
 
 use super::{
@@ -13,7 +13,7 @@ use super::{
     csv::{Table, csv},
     error::{Result, SweepError},
     grid::Run,
-    machine::{Machine, hexadecimal},
+    machine::Machine,
     measure::{Bench, Judged},
     record::{CLIP_FORMAT, Causes, ClipRecord, Failed, Folders, PointRecord},
     report::{Chapter, Page, html},
@@ -161,7 +161,7 @@ impl Job<'_> {
             seed: self.seed,
             machine: self.machine.clone(),
         };
-        let stem = ClipRecord::stem(index, &clip.name);
+        let stem = file_stem(index, &clip.name);
         let file = folders.records.join(format!("{stem}.json"));
         if let Some(mut record) = ClipRecord::read(&file, &causes)? {
             record.sessions += 1;
@@ -186,7 +186,7 @@ impl Job<'_> {
         failed: &mut Vec<Failed>,
         observer: &dyn Observer,
     ) -> Result<()> {
-        let stem = ClipRecord::stem(current.index, &current.record.clip);
+        let stem = file_stem(current.index, &current.record.clip);
         for (index, run) in self.runs.iter().enumerate() {
             let unknown = run.settings.iter().any(|setting| current.record.point(setting).is_none());
             if unknown {
@@ -331,7 +331,7 @@ fn put_points(current: &mut Current<'_>, run: &Run, judged: Judged, (folders, st
         }
         let bytes = point.crop.as_deref().map(|text| STANDARD.decode(text)).transpose();
         let bytes = bytes.map_err(|e| SweepError::Point(format!("{}: crop: {e}", setting.name())))?;
-        let name = format!("{stem}_{}.jpg", &hexadecimal(setting.identity()?.as_bytes())[..DIGITS]);
+        let name = format!("{stem}_{}.jpg", &sha256(setting.identity()?.as_bytes())[..DIGITS]);
         let crop = bytes.map(|bytes| put_crop(folders, &name, &bytes)).transpose()?;
         let (setting, accuracy, peak_rss_mb) = (setting.clone(), point.accuracy, point.peak_rss_mb);
         current.record.put(PointRecord { setting, accuracy, peak_rss_mb, crop, repeats: Vec::new() });

@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use lgs_formats::error::FormatError;
+use lgs_formats::{digest::sha256, error::FormatError};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::error::Result;
 
@@ -38,18 +37,13 @@ impl Machine {
         Ok(Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             build: if cfg!(debug_assertions) { "debug" } else { "release" }.to_owned(),
-            program_sha256: hexadecimal(&bytes),
+            program_sha256: sha256(&bytes),
             target: format!("{} {}", std::env::consts::ARCH, std::env::consts::OS),
             cpu: std::fs::read_to_string("/proc/cpuinfo").ok().as_deref().and_then(cpu_of),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             threads,
         })
     }
-}
-
-/// SHA-256, hexadecimal.
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn cpu_of(info: &str) -> Option<String> {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lgs_formats::{error::FormatError, write::write_atomic};
-use lgs_train::ablate::choice::RecordedChoice;
+use lgs_train::ablate::{choice::RecordedChoice, record::read_record};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -95,26 +95,12 @@ pub struct ClipRecord {
 }
 
 impl ClipRecord {
-    /// The name of the files of clip number `index`, without an extension.
-    pub fn stem(index: usize, clip: &str) -> String {
-        let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
-        let name: String = clip.chars().take(60).map(plain).collect();
-        format!("{index:03}_{name}")
-    }
-
     /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other causes.
     ///
     /// # Errors
     /// When the file cannot be read.
     pub fn read(file: &Path, causes: &Causes) -> Result<Option<Self>> {
-        match std::fs::read_to_string(file) {
-            Ok(text) => {
-                let found: Option<Self> = serde_json::from_str(&text).ok();
-                Ok(found.filter(|record| &record.causes == causes))
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(FormatError::io(file, "read", error).into()),
-        }
+        Ok(read_record(file)?.filter(|record: &Self| &record.causes == causes))
     }
 
     /// Nothing: afterwards `file` holds the record.

@@ -23,6 +23,8 @@ pub enum Background {
     /// A far hemisphere.
     Sky,
     /// Where the surfaces around a gap continue to.
+    Gaps,
+    /// Where the images say it is.
     Depth,
 }
 
@@ -111,6 +113,7 @@ impl Background {
             Self::Auto => Mode::Auto,
             Self::Off => Mode::Off,
             Self::Sky => Mode::Sky,
+            Self::Gaps => Mode::Gaps,
             Self::Depth => Mode::Depth,
         }
     }

@@ -179,27 +179,8 @@ fn single(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{GaussianSet, Guide, MORE, MeanResiduals, NUM_ATTRIBUTES, REFINE_INPUTS, RawGradient, refine_rows};
-
-    fn value(k: usize) -> f32 {
-        ((k * 37 + 11) % 101) as f32 / 101.0 - 0.5
-    }
-
-    fn set(n: usize) -> GaussianSet {
-        GaussianSet {
-            attributes: (0..n).map(|i| std::array::from_fn(|k| 4.0 * value(i * 14 + k))).collect(),
-            times: vec![0.0; n],
-            velocities: (0..n).map(|i| std::array::from_fn(|k| value(i * 3 + k + 5))).collect(),
-            num_lidar: n,
-        }
-    }
-
-    fn gradient(n: usize, factor: f32) -> RawGradient {
-        RawGradient {
-            attributes: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 14 + k + 9))).collect(),
-            velocities: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 3 + k + 2))).collect(),
-        }
-    }
+    use super::{Guide, MORE, MeanResiduals, NUM_ATTRIBUTES, REFINE_INPUTS, refine_rows};
+    use crate::network::samples::{gradient, set};
 
     #[test]
     fn asinh_is_that_of_the_standard_library_in_f32() {

@@ -13,6 +13,8 @@ pub mod normalise;
 pub mod pass;
 pub mod policy;
 pub mod query;
+#[cfg(test)]
+mod samples;
 pub mod shipped;
 pub mod source;
 pub mod unet;

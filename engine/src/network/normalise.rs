@@ -137,27 +137,8 @@ pub(super) fn state(set: &GaussianSet, i: usize, row: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{GaussianSet, NUM_ATTRIBUTES, RawGradient, add_residuals, residual_gradients};
-
-    fn value(k: usize) -> f32 {
-        ((k * 37 + 11) % 101) as f32 / 101.0 - 0.5
-    }
-
-    fn set(n: usize) -> GaussianSet {
-        GaussianSet {
-            attributes: (0..n).map(|i| std::array::from_fn(|k| 4.0 * value(i * 14 + k))).collect(),
-            times: vec![0.0; n],
-            velocities: (0..n).map(|i| std::array::from_fn(|k| value(i * 3 + k + 5))).collect(),
-            num_lidar: n,
-        }
-    }
-
-    fn gradient(n: usize, factor: f32) -> RawGradient {
-        RawGradient {
-            attributes: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 14 + k + 9))).collect(),
-            velocities: (0..n).map(|i| std::array::from_fn(|k| factor * value(i * 3 + k + 2))).collect(),
-        }
-    }
+    use super::{NUM_ATTRIBUTES, add_residuals, residual_gradients};
+    use crate::network::samples::{gradient, set, value};
 
     #[test]
     fn what_would_not_be_finite_stays_as_it_is() {

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use lgs_formats::error::FormatError;
+use lgs_formats::{digest::sha256, error::FormatError};
 use safetensors::SafeTensors;
-use sha2::{Digest, Sha256};
 
 use super::config::ModelConfig;
 use super::describe::thousands;
@@ -107,7 +106,7 @@ pub fn random_model(path: &Path, seed: u64) -> Result<LoadedModel> {
         return Err(FormatError::invalid(path, "content", "a model config", "bytes that are no text").into());
     };
     let config = of_possible_size(ModelConfig::parse(text, path)?, path)?;
-    let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+    let digest = sha256(&bytes);
     Ok(LoadedModel { model: FoldedModel::random(&config, seed)?, digest: format!("random:{digest}") })
 }
 

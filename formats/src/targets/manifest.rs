@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::TargetsConfig;
 use super::layout::is_clip_name;
-use super::write::hexadecimal;
+use crate::digest::hexadecimal;
 use crate::error::{FormatError, Result};
 use crate::read::{MAX_DATA_BYTES, file_size, read_file};
 use crate::write::write_atomic;

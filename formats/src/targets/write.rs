@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 use super::layout::{ClipDims, SECTIONS, Scalar, header, is_clip_name};
 use super::manifest::TARGETS_FORMAT;
 use super::{ActionTargets, ClipTargets, TargetsConfig};
+use crate::digest::hexadecimal;
 use crate::error::{FormatError, Result};
 use crate::write::write_atomic_with;
 
@@ -139,8 +140,4 @@ impl Hashing<'_> {
         self.bytes += bytes.len() as u64;
         self.file.write_all(bytes).map_err(|e| FormatError::io(self.path, "write", e))
     }
-}
-
-pub(super) fn hexadecimal(digest: &[u8]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

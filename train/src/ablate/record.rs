@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lgs_engine::evaluate::ViewFigures;
 use lgs_formats::{error::FormatError, write::write_atomic};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{choice::RecordedChoice, settings::Settings};
 use crate::error::{Result, TrainError};
@@ -126,12 +126,29 @@ impl From<ViewFigures> for Means {
     }
 }
 
+/// The name of the files of clip number `index`, without an extension.
+pub fn file_stem(index: usize, clip: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
+    let name: String = clip.chars().take(60).map(plain).collect();
+    format!("{index:03}_{name}")
+}
+
+/// What a JSON file records; `None` where there is none, or one that was not written to its end.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn read_record<T: DeserializeOwned>(file: &Path) -> lgs_formats::error::Result<Option<T>> {
+    match std::fs::read_to_string(file) {
+        Ok(text) => Ok(serde_json::from_str(&text).ok()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(FormatError::io(file, "read", error)),
+    }
+}
+
 impl ClipRecord {
     /// The file of clip number `index`.
     pub fn file(dir: &Path, index: usize, clip: &str) -> PathBuf {
-        let plain = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
-        let name: String = clip.chars().take(60).map(plain).collect();
-        dir.join(format!("{index:03}_{name}.json"))
+        dir.join(format!("{}.json", file_stem(index, clip)))
     }
 
     /// The record in `file`; `None` where there is none, or one of other causes.
@@ -139,14 +156,7 @@ impl ClipRecord {
     /// # Errors
     /// When the file cannot be read.
     pub fn read(file: &Path, causes: &Causes) -> Result<Option<Self>> {
-        match std::fs::read_to_string(file) {
-            Ok(text) => {
-                let found: Option<Self> = serde_json::from_str(&text).ok();
-                Ok(found.filter(|record| &record.causes == causes))
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(FormatError::io(file, "read", error).into()),
-        }
+        Ok(read_record(file)?.filter(|record: &Self| &record.causes == causes))
     }
 
     /// Nothing: afterwards `file` holds the record.

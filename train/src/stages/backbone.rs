@@ -163,7 +163,10 @@ impl Looked {
     fn at(set: &GaussianSet, [inputs, targets]: [&[&View]; 2], settings: &Settings, guidance: Guidance) -> Self {
         let weights = LossWeights { psnr: narrow(settings.psnr), ..LossWeights::default() };
         let mut by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(guidance) });
-        let trained = by_inputs.gradient.clone();
+        let trained = match guidance {
+            Guidance::Residual => std::mem::take(&mut by_inputs.gradient),
+            Guidance::Gradient => by_inputs.gradient.clone(),
+        };
         if guidance == Guidance::Gradient && settings.psnr > 0.0 {
             // What guides the network is the gradient of the loss as inference knows it.
             by_inputs.gradient = objective(set, inputs, &LossWeights::default()).gradient;

@@ -1,7 +1,7 @@
 //! The part of a scene that a step needs: what its views show, and what lies so near that the network's features reach across.
 
 use lgs_engine::{
-    gaussians::{GaussianSet, MEAN},
+    gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES},
     views::{PinholeView, View},
 };
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ const REACH: f32 = 6.0;
 
 /// Drops the primitives that lie far from everything that the views show.
 pub(crate) fn keep_nearby(set: &mut GaussianSet, velocities: &mut Option<TrueVelocities>, views: &[&View]) {
-    let near = |row: &[f32; 14]| {
+    let near = |row: &[f32; NUM_ATTRIBUTES]| {
         let point = [row[MEAN.start], row[MEAN.start + 1], row[MEAN.start + 2]];
         views.iter().any(|view| outside(&view.pinhole, point) <= REACH)
     };

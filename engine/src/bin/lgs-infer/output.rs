@@ -13,11 +13,11 @@ use lgs_engine::{
 };
 use lgs_formats::{
     cloud::SplatCloud,
+    digest::sha256,
     exports::{write_sequence, write_spz, write_stg},
     ply::{write_plain_ply, write_ply},
     write::write_atomic,
 };
-use sha2::{Digest, Sha256};
 
 /// Widest picture in the report, pixels, as long as there are few.
 const REPORT_WIDTH_PX: u32 = 640;
@@ -79,8 +79,8 @@ pub(crate) fn safe_name(name: &str) -> String {
         return name.to_owned();
     }
     let cleaned: String = name.chars().take(MAX_NAME).map(|c| if safe(c) && c != '.' { c } else { '_' }).collect();
-    let digest: String = Sha256::digest(name).iter().take(4).map(|byte| format!("{byte:02x}")).collect();
-    format!("{cleaned}-{digest}")
+    let digest = sha256(name.as_bytes());
+    format!("{cleaned}-{}", &digest[..8])
 }
 
 /// The output directory, once it is known that it is one or can become one. Nothing is made yet.

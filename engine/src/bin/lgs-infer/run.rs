@@ -22,8 +22,7 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, exports::num_files, importers, viewer};
-use sha2::{Digest, Sha256};
+use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, viewer};
 
 use crate::{
     args::{Args, RefineWith, Switch, ViewsArg, word},
@@ -228,7 +227,7 @@ impl PerceptualDistance {
     fn load(path: &Path) -> Result<Self> {
         let lpips = Lpips::load(path)?;
         let bytes = std::fs::read(path).with_context(|| format!("{}: read", path.display()))?;
-        let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = sha256(&bytes);
         Ok(Self { lpips, sha256 })
     }
 }

@@ -19,6 +19,9 @@ use crate::{
     views::{PinholeView, Role, View},
 };
 
+/// Images of one camera that are nearer in time than this say nothing about its speed, seconds.
+const SAME_MOMENT: f32 = 1e-3;
+
 /// Where the background comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -103,10 +106,10 @@ fn append(set: &mut GaussianSet, rows: Vec<[f32; NUM_ATTRIBUTES]>, time: f32, ve
     set.velocities.resize(set.len(), velocity);
 }
 
-/// Velocity (metres a second) of a camera between two of its images; 0 when they were taken at the same moment.
+/// Velocity (metres a second) of a camera between two of its images; 0 when they were taken at the same moment, or nearly.
 fn velocity(from: &PinholeView, to: &PinholeView) -> [f32; 3] {
     let (a, b, seconds) = (from.centre(), to.centre(), to.time - from.time);
-    if seconds == 0.0 { [0.0; 3] } else { std::array::from_fn(|k| (b[k] - a[k]) / seconds) }
+    if seconds.abs() < SAME_MOMENT { [0.0; 3] } else { std::array::from_fn(|k| (b[k] - a[k]) / seconds) }
 }
 
 /// Length of the ray through a pixel's centre to the depth of one metre.

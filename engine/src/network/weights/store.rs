@@ -6,9 +6,8 @@ use std::path::Path;
 use candle_core::{DType, Device, Shape, Tensor};
 use candle_nn::Init;
 use candle_nn::var_builder::SimpleBackend;
-use lgs_formats::error::FormatError;
+use lgs_formats::{digest::sha256, error::FormatError};
 use safetensors::{Dtype, SafeTensors};
-use sha2::{Digest, Sha256};
 
 use super::TensorSpec;
 use crate::error::{EngineError, Result};
@@ -61,7 +60,7 @@ impl WeightFile {
             tensors.insert(name.to_owned(), tensor.to_dtype(DType::F32)?);
         }
         let metadata = header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())).collect();
-        let sha256 = Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = sha256(bytes);
         Ok(Self { file: file.to_owned(), tensors, metadata, sha256 })
     }
 

@@ -8,13 +8,13 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{evaluate::lpips::Lpips, network::source::LoadedModel, threads};
-use lgs_formats::program::Outcome;
+use lgs_formats::{digest::sha256, program::Outcome};
 use lgs_sweep::{
     case::Case,
     error::SweepError,
     grid::{Parts, Run, runs},
     job::{Found, Job},
-    machine::{Machine, hexadecimal},
+    machine::Machine,
     measure::{Judged, judge},
     setting::Weights,
     table::Row,
@@ -112,7 +112,7 @@ fn output_dir(out: &Path) -> Result<PathBuf> {
 /// SHA-256 of weights of LPIPS that can be used.
 fn lpips_digest(file: &Path) -> Result<String> {
     Lpips::load(file)?;
-    Ok(hexadecimal(&std::fs::read(file).with_context(|| format!("{}: read", file.display()))?))
+    Ok(sha256(&std::fs::read(file).with_context(|| format!("{}: read", file.display()))?))
 }
 
 /// What a run is worth, found out by this program in a process of its own with the same flags.

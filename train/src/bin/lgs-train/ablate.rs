@@ -5,6 +5,7 @@ use std::{io::Write, path::Path};
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use lgs_engine::{evaluate::lpips::Lpips, threads};
+use lgs_formats::digest::sha256;
 use lgs_train::{
     ablate::{
         job::{Hashed, Job, Observer},
@@ -13,7 +14,6 @@ use lgs_train::{
     },
     stages::clips::find,
 };
-use sha2::{Digest, Sha256};
 
 use crate::ablate_args::AblateArgs;
 
@@ -54,7 +54,7 @@ pub(crate) fn ablate(args: &AblateArgs) -> Result<String> {
 
 fn digest(file: &Path) -> Result<String> {
     let bytes = std::fs::read(file).with_context(|| format!("{}: read", file.display()))?;
-    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(sha256(&bytes))
 }
 
 /// Progress on standard error.

@@ -29,6 +29,8 @@ use crate::{
 const MIN_FACTOR: usize = 2;
 /// And at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
 const MAX_PIXELS: usize = 120_000;
+/// Views that are searched side by side.
+const AT_ONCE: usize = 4;
 /// Other images of its camera that a view is matched against.
 const MAX_SOURCES: usize = 2;
 /// How much nearer than the ground that it hides the own vehicle is taken to be.
@@ -52,7 +54,10 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
         let choices = smooth::smooth(&volume, &levels[i].view);
         Search { evidence, choices, step: volume.step }
     };
-    let searches: Vec<Search> = (0..views.len()).into_par_iter().map(search).collect();
+    // A few at a time: each needs some 800 bytes a pixel while it runs.
+    let all: Vec<usize> = (0..views.len()).collect();
+    let searches: Vec<Search> =
+        all.chunks(AT_ONCE).flat_map(|some| some.par_iter().map(|&i| search(i)).collect::<Vec<_>>()).collect();
     let parts = parts(views, &levels, &searches);
     let scene: Vec<Vec<f32>> = (0..views.len()).map(|i| scene_depths(&searches[i], &parts[i])).collect();
     let map = |i: usize| Map { camera: &levels[i].view.pinhole, inverse: &scene[i], step: searches[i].step };
