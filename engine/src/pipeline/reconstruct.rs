@@ -4,7 +4,7 @@ use std::{borrow::Cow, time::Instant};
 
 use serde::Serialize;
 
-use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, run_network};
+use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
 use crate::{
     densify::DensityMap,
     error::Result,
@@ -92,7 +92,7 @@ impl Begun<'_, '_> {
     /// The scene.
     ///
     /// # Errors
-    /// Those of [`run_network`].
+    /// Those of [`run_network`]; [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to refine them.
     pub fn finish(
         self,
         background: Mode,
@@ -105,6 +105,9 @@ impl Begun<'_, '_> {
         });
         drop(cloud);
         let initial = scene.num_lidar;
+        if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
+            check_refinement([initial, scene.len() - initial], Some(&settings.model.config))?;
+        }
         let views: Vec<&View> = inputs.views().iter().collect();
         let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
         let update = network.as_ref().map(|run| run.update).unwrap_or_default();
@@ -148,13 +151,18 @@ pub struct OptimiseSettings {
 }
 
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
+///
+/// # Errors
+/// [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to optimise them.
 pub fn optimise(
     reconstruction: &mut Reconstruction,
     inputs: &Inputs<'_>,
     settings: OptimiseSettings,
     watch: &mut Watch<'_>,
-) {
+) -> Result<()> {
     let OptimiseSettings { steps, adam, reduce, until } = settings;
+    let num_lidar = reconstruction.scene.num_lidar;
+    check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None)?;
     let start = Instant::now();
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
@@ -175,4 +183,5 @@ pub fn optimise(
     watch.times.add_refine(summary.seconds);
     reconstruction.optimisation = Some(summary);
     reconstruction.seconds += start.elapsed().as_secs_f64();
+    Ok(())
 }

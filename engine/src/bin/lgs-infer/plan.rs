@@ -26,9 +26,14 @@ pub(crate) struct Plan {
 /// What can be said against the flags before any work.
 ///
 /// # Errors
-/// A budget for weights whose times are not recorded.
+/// A budget for what has no recorded times.
 pub(crate) fn check(args: &Args) -> Result<()> {
     match (args.time_budget, &args.weights) {
+        (Some(_), _) if args.max_gaussians.is_some() => {
+            bail!(
+                "--time-budget: expected no --max-gaussians beside it, found one: recorded times are those of whole sets"
+            )
+        }
         (Some(_), weights) if !matches!(weights, ModelSource::Shipped | ModelSource::None) => {
             bail!("--time-budget: expected --weights tiny or none, whose times are recorded, found others")
         }
@@ -54,6 +59,9 @@ pub(crate) fn plan(
             None => Recipe::default(),
         };
         let recipe = args.recipe(base);
+        if args.max_gaussians.is_some() && !recipe.network {
+            bail!("--max-gaussians: expected a network with a policy, found a preset that goes without one");
+        }
         return Ok(Plan { recipe: Recipe { network: recipe.network && network, ..recipe }, until: None, budget: None });
     };
     let until = start + Duration::from_secs_f64(budget_s);

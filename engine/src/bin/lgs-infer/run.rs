@@ -78,7 +78,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     if recipe.adam_steps > 0 {
         let adam = AdamSettings { turns, ..AdamSettings::default() };
         let settings = OptimiseSettings { steps: recipe.adam_steps, adam, reduce, until };
-        optimise(&mut reconstruction, &inputs, settings, &mut watch);
+        optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     if let Some(budget) = &mut budget {
         budget.finished_s = start.elapsed().as_secs_f64();
