@@ -97,11 +97,7 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
 fn all_finite(skipped: &[usize], count: usize) -> Result<()> {
     let Some(first) = skipped.first() else { return Ok(()) };
     let found = format!("others for {} of {count}, the first of them Gaussian {first}", skipped.len());
-    Err(EngineError::Setting {
-        setting: "--weights",
-        expected: "finite outputs of the network that keep primitives in the scene".to_owned(),
-        found,
-    })
+    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
 }
 
 /// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.
@@ -113,7 +109,7 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
     let heads = model.initial.heads();
     let own = if heads.read_own() { initial_rows(set, &chosen) } else { Vec::new() };
     let outputs = heads.forward(&features.rows, &own, chosen.len(), &mut features.buffers);
-    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()), chosen.len())?;
+    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()).not_finite, chosen.len())?;
     features.buffers.give(outputs);
     let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
     if chosen.is_empty() {
@@ -134,7 +130,7 @@ pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedMod
         let outputs = gather(&by_site, &levels, buffers);
         (by_site, outputs)
     };
-    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()), chosen.len())?;
+    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()).not_finite, chosen.len())?;
     [sites, first, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
     Ok(())
 }

@@ -55,7 +55,8 @@ pub struct RefineSummary {
     pub pyramids_kept: usize,
     /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
     pub non_finite_gradients: usize,
-    /// Gaussians that an output of the network would have given a value that is not finite and that were left as they were, over all steps.
+    /// Gaussians that an output of the network would have given a value that is not finite, or carried off the voxel grid, and that were left as
+    /// they were, over all steps.
     pub non_finite_outputs: usize,
     /// What it took; no result, so not part of what is written of one.
     #[serde(skip)]
@@ -243,9 +244,9 @@ fn step(
         with_own(&mut features, &rows.own, seen.len());
     }
     let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
-    let skipped = add_residuals(set, &seen, &outputs, heads.num_outputs());
+    let left_out = add_residuals(set, &seen, &outputs, heads.num_outputs());
     [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
-    Ok(skipped.len())
+    Ok(left_out.not_finite.len() + left_out.carried_away.len())
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.

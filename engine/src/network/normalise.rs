@@ -62,14 +62,22 @@ pub(super) fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
     (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
 }
 
-/// Adds head outputs to `chosen` Gaussians; those that would get a value that is not finite, or be carried away farther than [`REACH`], stay
-/// as they are, and are returned.
+/// Gaussians that were left as they were instead of taking a residual.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// They would get a value that is not finite.
+    pub not_finite: Vec<usize>,
+    /// They would be carried away farther than the voxel grid may reach.
+    pub carried_away: Vec<usize>,
+}
+
+/// Adds head outputs to `chosen` Gaussians, but for those that this would spoil.
 ///
 /// # Shapes
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
 #[must_use]
-pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> Vec<usize> {
-    let mut skipped = Vec::new();
+pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> LeftOut {
+    let mut left_out = LeftOut::default();
     for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
         let scales = residual_scale(&set.attributes[i]);
         let (mut row, mut velocity) = (set.attributes[i], set.velocities[i]);
@@ -79,14 +87,15 @@ pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], w
         for (value, o) in velocity.iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
             *value += o * VELOCITY_RESIDUAL;
         }
-        let is_finite = row.iter().chain(&velocity).all(|value| value.is_finite());
-        if is_finite && !is_carried_away(&set.attributes[i][MEAN], &row[MEAN]) {
-            (set.attributes[i], set.velocities[i]) = (row, velocity);
+        if !row.iter().chain(&velocity).all(|value| value.is_finite()) {
+            left_out.not_finite.push(i);
+        } else if is_carried_away(&set.attributes[i][MEAN], &row[MEAN]) {
+            left_out.carried_away.push(i);
         } else {
-            skipped.push(i);
+            (set.attributes[i], set.velocities[i]) = (row, velocity);
         }
     }
-    skipped
+    left_out
 }
 
 /// Whether a mean leaves the scene: the voxel grid ends somewhere behind it.
@@ -147,7 +156,7 @@ pub(super) fn state(set: &GaussianSet, i: usize, row: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{NUM_ATTRIBUTES, REACH, add_residuals, residual_gradients};
+    use super::{LeftOut, NUM_ATTRIBUTES, REACH, add_residuals, residual_gradients};
     use crate::network::samples::{gradient, set, value};
 
     #[test]
@@ -157,7 +166,7 @@ mod tests {
         outputs[width + 2] = f32::NAN;
         outputs[2 * width + 15] = f32::MAX;
         let mut after = before.clone();
-        assert_eq!(add_residuals(&mut after, &[0, 1, 2, 3], &outputs, width), [1, 2]);
+        assert_eq!(add_residuals(&mut after, &[0, 1, 2, 3], &outputs, width).not_finite, [1, 2]);
         for i in 0..4 {
             assert_eq!(after.attributes[i] == before.attributes[i], i == 1 || i == 2, "Gaussian {i}");
         }
@@ -176,7 +185,7 @@ mod tests {
         outputs[width] = 1e4;
         outputs[2 * width] = 1e4;
         let mut after = before.clone();
-        assert_eq!(add_residuals(&mut after, &[0, 1, 2], &outputs, width), [0, 2]);
+        assert_eq!(add_residuals(&mut after, &[0, 1, 2], &outputs, width).carried_away, [0, 2]);
         assert!(after.attributes[1][0] > before.attributes[1][0]);
         assert_eq!(after.attributes[2], before.attributes[2]);
     }
@@ -187,7 +196,7 @@ mod tests {
         let (before, chosen, width) = (set(6), [1, 2, 5], NUM_ATTRIBUTES + 3);
         let outputs: Vec<f32> = (0..chosen.len() * width).map(|k| value(k + 3)).collect();
         let mut after = before.clone();
-        assert!(add_residuals(&mut after, &chosen, &outputs, width).is_empty());
+        assert_eq!(add_residuals(&mut after, &chosen, &outputs, width), LeftOut::default());
         let g = gradient(6, 1.0);
         let moved = |a: &[f32], b: &[f32], g: &[f32]| {
             a.iter().zip(b).zip(g).map(|((a, b), g)| f64::from(a - b) * f64::from(*g)).sum::<f64>()
