@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, run_network};
 use crate::{
     densify::DensityMap,
-    error::Result,
+    error::{EngineError, Result},
     gaussians::{
         self, GaussianSet,
-        background::{self, Mode},
+        background::{self, MapFit, Mode},
     },
     points,
     refine::adam::{Adam, AdamSettings, AdamSummary},
@@ -46,6 +46,8 @@ pub struct Reconstruction {
     pub optimisation: Option<AdamSummary>,
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
+    /// How the clip's depth maps were brought to metres; empty where none was used for the background.
+    pub depth_maps: Vec<MapFit>,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -56,7 +58,7 @@ const POINT_STEPS: usize = 4;
 /// The scene that `inputs` show.
 ///
 /// # Errors
-/// Whatever is wrong with the sweep of an input frame.
+/// Whatever is wrong with the sweep of an input frame; [`EngineError::Setting`] for [`Mode::Maps`] where no input image has a map.
 pub fn reconstruct(
     inputs: &Inputs<'_>,
     background: Mode,
@@ -64,7 +66,14 @@ pub fn reconstruct(
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     let start = Instant::now();
-    let mut scene = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    if background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
+        return Err(EngineError::Setting {
+            setting: "--background",
+            expected: "`depth` of an input image in clip.json for maps".to_owned(),
+            found: "none".to_owned(),
+        });
+    }
+    let (mut scene, depth_maps) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
@@ -74,9 +83,9 @@ pub fn reconstruct(
         let spacing = points::spacing(&cloud.positions, &painted)?;
         step();
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
-        background::add_background(&mut scene, inputs.views(), &cloud, background);
+        let depth_maps = background::add_background(&mut scene, inputs.views(), &cloud, background);
         step();
-        Result::Ok(scene)
+        Result::Ok((scene, depth_maps))
     })?;
     let initial = scene.num_lidar;
     let views: Vec<&View> = inputs.views().iter().collect();
@@ -91,7 +100,7 @@ pub fn reconstruct(
     };
     let seconds = start.elapsed().as_secs_f64();
     let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
-    Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), seconds })
+    Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), depth_maps, seconds })
 }
 
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does instead of the learned refinement.

@@ -2,7 +2,9 @@
 
 mod adam;
 mod densify;
+mod depth_maps;
 mod describe;
+mod film;
 mod flags;
 mod hostile_clips;
 mod infer;
@@ -25,7 +27,9 @@ pub(crate) fn cases() -> Vec<Trial> {
         real_clips::cases(),
         scenes::cases(),
         densify::cases(),
+        depth_maps::cases(),
         describe::cases(),
+        film::cases(),
         network::cases(),
         untrained::cases(),
         weights::cases(),
