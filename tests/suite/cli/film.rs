@@ -40,8 +40,7 @@ pub(crate) fn cases() -> Vec<Trial> {
 
 fn infer(place: &Path, flags: &[&str]) -> Result<Finished, String> {
     let street = clips::street();
-    let fixed =
-        ["--out", "out", "--weights", "none", "--views", "none", "--image-size", "48x80", "--background", "gaps"];
+    let fixed = ["--out", "out", "--weights", "none", "--image-size", "48x80", "--background", "gaps"];
     let mut arguments = vec![street.as_os_str()];
     arguments.extend(fixed.iter().chain(flags).map(|flag| flag.as_ref() as &std::ffi::OsStr));
     run(&binary("lgs-infer")?, &arguments, place)
@@ -79,7 +78,7 @@ fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
 
 fn goes_between_the_inputs() -> Outcome {
     let place = tempfile::tempdir()?;
-    infer(place.path(), &["--path", "between-inputs", "--path-frames", "9", "--views", "all"])?.expect_success()?;
+    infer(place.path(), &["--path", "between-inputs", "--path-frames", "9"])?.expect_success()?;
     let pictures = pictures(place.path())?;
     if pictures.len() != 9 || pictures[0].dimensions() != (80, 48) {
         return Err(format!("{} pictures of {:?}", pictures.len(), pictures[0].dimensions()).into());
@@ -123,7 +122,7 @@ fn goes_where_a_file_says() -> Outcome {
     infer(place.path(), &["--path", "path.json", "--path-frames", "5", "--path-fps", "30"])?.expect_success()?;
     let between = pictures(place.path())?;
     let sizes = (poses.len(), between.len(), between[0].dimensions());
-    if sizes != (2, 5, (64, 36)) || between[0] != poses[0] || between[4] != poses[1] {
+    if sizes != (2, 5, (64, 36)) || difference(&between[0], &poses[0]) + difference(&between[4], &poses[1]) > 0.05 {
         return Err(format!("{sizes:?}, or other ends").into());
     }
     fs::remove_dir_all(place.path().join("out"))?;

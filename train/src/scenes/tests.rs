@@ -5,6 +5,7 @@ use lgs_formats::{clip::TrackedBox, clip_dir::ClipDir, image::PixelLabel, sweep:
 
 use super::{
     config::{Origin, SceneConfig},
+    depth_map::DepthMaps,
     export::{self, Export, ImageFormat},
     presets,
     scene::Scene,
