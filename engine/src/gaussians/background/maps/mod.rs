@@ -22,8 +22,8 @@ use crate::{
 const MIN_RETURNS: usize = 30;
 /// Largest median error of a map that is believed.
 const MAX_ERROR: f64 = 0.25;
-/// A metric map stays as it is unless scale and shift bring its error below this share.
-const WORTH: f64 = 0.95;
+/// A metric map stays as it is when its own error is below the first, and unless scale and shift bring it below the second, a share.
+const WORTH: (f64, f64) = (1e-3, 0.95);
 /// Resolution that maps are taken to have when they are compared, 1 / metres.
 const STEP: f32 = 0.004;
 /// What the own vehicle is nearer than, metres.
@@ -94,7 +94,8 @@ fn fit(view: &View) -> Option<MapFit> {
     let pairs: Vec<Pair> = view.depth_samples.iter().filter_map(pair).collect();
     let enough = pairs.len() >= MIN_RETURNS;
     let fitted = if enough { align::fit(&pairs) } else { None };
-    let worth = |line: &Line| line.error(&pairs) < WORTH * Line::IDENTITY.error(&pairs);
+    let own_error = Line::IDENTITY.error(&pairs);
+    let worth = |line: &Line| own_error > WORTH.0 && line.error(&pairs) < WORTH.1 * own_error;
     let line = match map.kind {
         DepthKind::Metric => fitted.filter(worth).or(Some(Line::IDENTITY)),
         DepthKind::Relative => fitted,
