@@ -28,4 +28,8 @@ pub mod csv;
 
 pub mod report;
 
+pub mod presets;
+
+pub mod pages;
+
 pub mod job;

@@ -18,5 +18,5 @@ pub use hold_out::HoldOut;
 pub use inputs::Inputs;
 pub use memory::{Need, check_memory};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
-pub use reconstruct::{GaussianCounts, Reconstruction, optimise, reconstruct};
+pub use reconstruct::{Begun, GaussianCounts, OptimiseSettings, Reconstruction, begin, optimise, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -8,5 +8,7 @@ mod pictures;
 
 pub use html::{Page, PageView, html};
 pub use maps::maps_in_words;
-pub use metrics::{Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name};
+pub use metrics::{
+    BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name,
+};
 pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind, ScoreKind};

@@ -6,6 +6,7 @@ mod path;
 mod pinhole;
 pub(crate) mod reduced;
 mod selection;
+mod shrink;
 
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
@@ -14,6 +15,7 @@ pub use load::load_views;
 pub use path::{between, keys_of_camera, path_views};
 pub use pinhole::{NEAR, PinholeView, Projected};
 pub use selection::{SelectedFrames, Selection};
+pub use shrink::at_factor;
 
 /// A `LiDAR` return that projects into a view.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,6 +9,7 @@ mod flags;
 mod hostile_clips;
 mod infer;
 mod network;
+mod plan;
 mod real_clips;
 mod scenes;
 mod shipped;
@@ -31,6 +32,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         describe::cases(),
         film::cases(),
         network::cases(),
+        plan::cases(),
         untrained::cases(),
         weights::cases(),
     ]

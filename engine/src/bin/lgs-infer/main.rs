@@ -3,6 +3,7 @@
 mod args;
 mod film;
 mod output;
+mod plan;
 mod progress;
 mod run;
 mod summary;
