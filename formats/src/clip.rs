@@ -49,8 +49,41 @@ pub struct CameraRecord {
     pub file: PathBuf,
     /// Label image of the same size, relative to the clip directory: see [`crate::image::PixelLabel`].
     pub mask: Option<PathBuf>,
+    /// Depth map of the same size.
+    pub depth: Option<DepthRecord>,
     /// The camera.
     pub camera: Camera,
+}
+
+/// Where a depth map is and what its values say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DepthRecord {
+    /// File of a value for each pixel of the image file, relative to the clip directory: a 16-bit grey PNG, or a numpy array
+    /// (`.npy`) of f32 `[height, width]`.
+    pub file: PathBuf,
+    /// What the values say.
+    pub kind: DepthKind,
+}
+
+/// What the values of a depth map say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthKind {
+    /// Depth along the camera's z axis: millimetres in a PNG (0: unknown, 65535: that or farther), metres in an array (0 or NaN:
+    /// unknown, infinity: sky).
+    Metric,
+    /// Inverse depth up to a scale above 0 and a shift, as monocular networks tell it: larger is nearer (NaN: unknown).
+    Relative,
+}
+
+impl DepthKind {
+    /// The word of `clip.json`.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Metric => "metric",
+            Self::Relative => "relative",
+        }
+    }
 }
 
 /// An oriented box around a tracked object. Axes: x forward, y left, z up; origin at the centre.

@@ -10,7 +10,7 @@ use crate::{
     clip::{CameraRecord, Clip, LidarRecord},
     clip_json,
     error::{FormatError, Result},
-    image::{self, ImageSize, LoadedImage},
+    image::{self, DepthMap, ImageSize, LoadedImage},
     read::read_file,
     sweep::{self, Sweep},
     write::write_atomic,
@@ -103,11 +103,22 @@ impl ClipDir {
     /// # Errors
     /// A frame or camera that the clip does not have; those of [`image::load`].
     pub fn load_image(&self, frame: usize, camera: usize, size: Option<ImageSize>) -> Result<LoadedImage> {
+        image::load(&self.root, self.record(frame, camera)?, size)
+    }
+
+    /// The depth map of the image that [`ClipDir::load_image`] gives, if the clip has one: rectified, at the same size.
+    ///
+    /// # Errors
+    /// A frame or camera that the clip does not have; those of [`image::load_depth`].
+    pub fn load_depth(&self, frame: usize, camera: usize, size: Option<ImageSize>) -> Result<Option<DepthMap>> {
+        image::load_depth(&self.root, self.record(frame, camera)?, size)
+    }
+
+    fn record(&self, frame: usize, camera: usize) -> Result<&CameraRecord> {
         let frames = &self.clip.frames;
         let cameras = &frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?.cameras;
         let field = || format!("frames[{frame}].cameras");
-        let record = cameras.get(camera).ok_or_else(|| self.no_such(&field(), camera, cameras.len()))?;
-        image::load(&self.root, record, size)
+        cameras.get(camera).ok_or_else(|| self.no_such(&field(), camera, cameras.len()))
     }
 
     fn no_such(&self, field: &str, index: usize, count: usize) -> FormatError {
@@ -131,6 +142,9 @@ impl ClipDir {
         image::check_size(&path, &record.camera)?;
         if let Some(mask) = &record.mask {
             image::check_size(&self.existing(&format!("{at}.mask"), mask)?, &record.camera)?;
+        }
+        if let Some(depth) = &record.depth {
+            image::check_depth(&self.existing(&format!("{at}.depth.file"), &depth.file)?, &record.camera)?;
         }
         Ok(())
     }

@@ -8,6 +8,7 @@ pub mod pose;
 pub mod program;
 
 pub mod camera;
+pub mod camera_path;
 pub mod clip;
 pub mod clip_dir;
 mod clip_json;
@@ -15,6 +16,7 @@ pub mod cloud;
 pub mod exports;
 pub mod image;
 pub mod importers;
+mod numpy;
 pub mod ply;
 mod read;
 pub mod sweep;

@@ -26,6 +26,8 @@ pub enum Background {
     Gaps,
     /// Where the images say it is.
     Depth,
+    /// Where the clip's depth maps say it is.
+    Maps,
 }
 
 /// Who prunes and adds.
@@ -111,6 +113,7 @@ impl Background {
             Self::Sky => Mode::Sky,
             Self::Gaps => Mode::Gaps,
             Self::Depth => Mode::Depth,
+            Self::Maps => Mode::Maps,
         }
     }
 }

@@ -5,6 +5,7 @@ mod extremes;
 mod golden;
 mod importers;
 mod network;
+mod readers;
 mod readme;
 mod render;
 mod structure;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     cases.extend(targetgen::cases());
     cases.extend(sweep::cases());
     cases.extend(viewer::cases());
+    cases.extend(readers::cases());
     cases.extend(readme::cases());
     let others = cases.iter().map(|case| case.name().to_owned()).collect();
     cases.extend(extremes::cases(others));

@@ -20,6 +20,11 @@ pub fn lpips_weights() -> PathBuf {
     env::var_os("LGS_LPIPS_WEIGHTS").map_or_else(usual, PathBuf::from)
 }
 
+/// A Python interpreter with plyfile and gsply: `$LGS_PYTHON`.
+pub fn python_with_readers() -> Option<PathBuf> {
+    env::var_os("LGS_PYTHON").map(PathBuf::from)
+}
+
 /// The directory of one kind of goldens that the repository ships.
 pub fn shipped_goldens(kind: &str) -> PathBuf {
     repository().join("tests/golden").join(kind)

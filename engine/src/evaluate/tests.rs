@@ -24,6 +24,7 @@ fn view(labels: Option<Vec<PixelLabel>>) -> View {
         pinhole,
         image: RgbImage { width: WIDTH, height: HEIGHT, data },
         labels,
+        depth_map: None,
         depth_samples: vec![DepthSample { pixel: 0, depth: 3.0 }, DepthSample { pixel: 20, depth: 9.0 }],
     }
 }

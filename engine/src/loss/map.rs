@@ -183,6 +183,7 @@ impl Around {
             pinhole: view.pinhole,
             image: lgs_formats::image::RgbImage { width, height, data: Vec::with_capacity(3 * width * height) },
             labels: view.labels.as_ref().map(|labels| rows().flat_map(|row| labels[row].iter().copied()).collect()),
+            depth_map: None,
             depth_samples: Vec::new(),
         };
         for (y, row) in rows().enumerate() {
@@ -234,6 +235,7 @@ mod tests {
             pinhole,
             image: RgbImage { width, height, data: (0..3 * width * height).map(|i| at(i, 0.3)).collect() },
             labels: Some((0..width * height).map(label).collect()),
+            depth_map: None,
             depth_samples: (0..200).map(|k| DepthSample { pixel: 15 * k, depth: 4.0 + at(k as usize, 0.9) }).collect(),
         }
     }

@@ -35,6 +35,7 @@ fn view(labels: Option<Vec<PixelLabel>>) -> View {
         pinhole,
         image: RgbImage { width: WIDTH, height: HEIGHT, data: colours(0.0) },
         labels,
+        depth_map: None,
         depth_samples: vec![DepthSample { pixel: 3, depth: 9.0 }, DepthSample { pixel: 100, depth: 4.0 }],
     }
 }

@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
 use crate::{
     densify::DensityMap,
-    error::Result,
+    error::{EngineError, Result},
     gaussians::{
         self, GaussianSet,
-        background::{self, Mode},
+        background::{self, MapFit, Mode},
     },
     points::{self, PointCloud},
     refine::adam::{Adam, AdamSettings, AdamSummary},
@@ -46,6 +46,8 @@ pub struct Reconstruction {
     pub optimisation: Option<AdamSummary>,
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
+    /// How the clip's depth maps were brought to metres; empty where none was used for the background.
+    pub depth_maps: Vec<MapFit>,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -92,7 +94,8 @@ impl Begun<'_, '_> {
     /// The scene.
     ///
     /// # Errors
-    /// Those of [`run_network`]; [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to refine them.
+    /// Those of [`run_network`]; [`EngineError::Setting`] for more Gaussians than there is memory to refine them, and for [`Mode::Maps`] where
+    /// no input image has a map.
     pub fn finish(
         self,
         background: Mode,
@@ -100,8 +103,15 @@ impl Begun<'_, '_> {
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
         let Self { inputs, cloud, mut scene, start } = self;
-        watch.stage(Stage::Background, 1, |_| {
-            background::add_background(&mut scene, inputs.views(), &cloud, background);
+        if background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
+            return Err(EngineError::Setting {
+                setting: "--background",
+                expected: "`depth` of an input image in clip.json for maps".to_owned(),
+                found: "none".to_owned(),
+            });
+        }
+        let depth_maps = watch.stage(Stage::Background, 1, |_| {
+            background::add_background(&mut scene, inputs.views(), &cloud, background)
         });
         drop(cloud);
         let initial = scene.num_lidar;
@@ -120,7 +130,15 @@ impl Begun<'_, '_> {
         };
         let seconds = start.elapsed().as_secs_f64();
         let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
-        Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), seconds })
+        Ok(Reconstruction {
+            scene,
+            counts,
+            network,
+            optimisation: None,
+            density: density.flatten(),
+            depth_maps,
+            seconds,
+        })
     }
 }
 
@@ -153,7 +171,7 @@ pub struct OptimiseSettings {
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
 ///
 /// # Errors
-/// [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to optimise them.
+/// [`EngineError::Setting`] for more Gaussians than there is memory to optimise them.
 pub fn optimise(
     reconstruction: &mut Reconstruction,
     inputs: &Inputs<'_>,

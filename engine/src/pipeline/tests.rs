@@ -49,7 +49,7 @@ fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
         };
         Frame {
             lidar: LidarRecord { file: lidar, timestamp: seconds, world_from_lidar: Pose::new(DMat3::IDENTITY, at) },
-            cameras: vec![CameraRecord { file: image, mask: None, camera }],
+            cameras: vec![CameraRecord { file: image, mask: None, depth: None, camera }],
             boxes: None,
         }
     });

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 use crate::{
     densify::Density,
     evaluate::ViewFigures,
-    gaussians::background::Mode,
+    gaussians::background::{MapFit, Mode},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
     refine::adam::AdamSummary,
@@ -42,6 +42,9 @@ pub struct Metrics {
     /// What a per-scene optimisation did; `None`, and no key, without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub optimisation: Option<AdamSummary>,
+    /// How the clip's depth maps were brought to metres; no key where none was used for the background.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub depth_maps: Vec<MapFit>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.

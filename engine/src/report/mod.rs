@@ -2,10 +2,12 @@
 
 mod colour_maps;
 mod html;
+mod maps;
 mod metrics;
 mod pictures;
 
 pub use html::{Page, PageView, html};
+pub use maps::maps_in_words;
 pub use metrics::{
     BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name,
 };

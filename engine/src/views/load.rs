@@ -30,6 +30,10 @@ pub fn load_views(
 fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame: &ClipFrame) -> Result<View> {
     let loaded = dir.load_image(image.frame, image.camera, selection.image_size)?;
     let pinhole = frame.pinhole(&loaded.camera);
+    let depth_map = match image.role {
+        Role::Input => dir.load_depth(image.frame, image.camera, selection.image_size)?,
+        Role::HeldOut => None,
+    };
     let sweep = dir.load_sweep(image.frame)?;
     let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &sweep.points);
     Ok(View {
@@ -39,6 +43,7 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
         pinhole,
         image: loaded.rgb,
         labels: loaded.labels,
+        depth_map,
         depth_samples: depth_samples(&pinhole, &points)?,
     })
 }

@@ -2,15 +2,17 @@
 
 mod clip_frame;
 mod load;
+mod path;
 mod pinhole;
 pub(crate) mod reduced;
 mod selection;
 mod shrink;
 
-use lgs_formats::image::{PixelLabel, RgbImage};
+use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
 pub use clip_frame::ClipFrame;
 pub use load::load_views;
+pub use path::{between, keys_of_camera, path_views};
 pub use pinhole::{NEAR, PinholeView, Projected};
 pub use selection::{SelectedFrames, Selection};
 pub use shrink::at_factor;
@@ -48,6 +50,8 @@ pub struct View {
     pub image: RgbImage,
     /// `[H, W]` labels from the clip's mask and the lens; `None` when every pixel is valid and no mask was given.
     pub labels: Option<Vec<PixelLabel>>,
+    /// `[H, W]` the clip's depth map of an input view, where it has one.
+    pub depth_map: Option<DepthMap>,
     /// Nearest return of each pixel that a return of this frame's sweep projects to, ascending by pixel.
     pub depth_samples: Vec<DepthSample>,
 }

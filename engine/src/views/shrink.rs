@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use lgs_formats::image::{PixelLabel, RgbImage};
+use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 use rayon::prelude::*;
 
 use super::{DepthSample, PinholeView, View};
@@ -54,6 +54,7 @@ impl View {
         Self {
             image: RgbImage { width: pinhole.width, height: pinhole.height, data },
             labels: self.labels.as_ref().map(|labels| pixels.map(|pixel| label_of(labels, pixel)).collect()),
+            depth_map: self.depth_map.as_ref().map(|map| fewer_depths(map, full.width, &pinhole, factor)),
             depth_samples: fewer_samples(&self.depth_samples, full.width, &pinhole, factor),
             camera: self.camera.clone(),
             pinhole,
@@ -79,6 +80,17 @@ fn joint_label(labels: &[PixelLabel], pixels: impl Iterator<Item = usize> + Clon
         0 => PixelLabel::Static,
         _ => PixelLabel::Ignored,
     }
+}
+
+/// The inverse depth in the middle of every pixel of the smaller image: a mean over an edge would lie where nothing is.
+fn fewer_depths(map: &DepthMap, width: usize, small: &PinholeView, factor: usize) -> DepthMap {
+    let height = map.inverse.len() / width;
+    let middle = |at: usize, size: usize| (at * factor + factor / 2).min(size - 1);
+    let of_pixel = |pixel: usize| {
+        let (row, column) = (middle(pixel / small.width, height), middle(pixel % small.width, width));
+        map.inverse[row * width + column]
+    };
+    DepthMap { kind: map.kind, inverse: (0..small.num_pixels()).map(of_pixel).collect() }
 }
 
 /// The nearest of the returns in every pixel of the smaller image.
@@ -121,6 +133,7 @@ mod tests {
             },
             image: RgbImage { width, height, data: (0..3 * pixels).map(|i| i as f32).collect() },
             labels: None,
+            depth_map: None,
             depth_samples: Vec::new(),
         }
     }

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use super::*;
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
-    clip::{Frame, LidarRecord, TrackedBox},
-    image::{PixelLabel, RgbImage, write_mask, write_png},
+    clip::{DepthKind, DepthRecord, Frame, LidarRecord, TrackedBox},
+    image::{PixelLabel, RgbImage, write_depth_metres, write_mask, write_png},
     pose::Pose,
     sweep::write_sweep,
 };
@@ -33,6 +33,7 @@ fn camera(frame: usize, name: &str) -> CameraRecord {
     CameraRecord {
         file: PathBuf::from(format!("images/{frame}_{name}.png")),
         mask: (name == "left").then(|| PathBuf::from("mask.png")),
+        depth: (name == "right").then(|| DepthRecord { file: PathBuf::from("depth.npy"), kind: DepthKind::Metric }),
         camera: Camera {
             name: name.to_owned(),
             timestamp: 1.7e9 + 0.1 * frame as f64,
@@ -76,6 +77,8 @@ impl Fixture {
         }
         let labels = vec![PixelLabel::Static; (WIDTH * HEIGHT) as usize];
         write_mask(&dir.path().join("mask.png"), image.width, image.height, &labels).unwrap();
+        let depths: Vec<f32> = (1_u8..=48).map(f32::from).collect();
+        write_depth_metres(&dir.path().join("depth.npy"), image.width, image.height, &depths).unwrap();
         for frame in &clip.frames {
             let sweep = Sweep { points: vec![[1.0, 2.0, 3.0]; 5], intensities: vec![0.5; 5] };
             write_sweep(&dir.path().join(&frame.lidar.file), &sweep).unwrap();
@@ -123,6 +126,9 @@ fn a_good_clip_comes_back_as_it_was_written() {
     let image = dir.load_image(0, 1, None).unwrap();
     assert_eq!((image.rgb.width, image.rgb.height, image.labels), (8, 6, None));
     assert!(image.rgb.data.iter().enumerate().all(|(i, &v)| v == i as f32 / 255.0));
+    let depth = dir.load_depth(0, 1, None).unwrap().unwrap();
+    assert!(depth.inverse.iter().zip(1_u8..).all(|(&w, metres)| w == 1.0 / f32::from(metres)));
+    assert_eq!(dir.load_depth(0, 0, None).unwrap(), None);
     let small = dir.load_image(0, 0, Some("3x4".parse().unwrap())).unwrap();
     assert_eq!((small.camera.width, small.camera.height, small.camera.distortion), (4, 3, None));
     assert_eq!(small.camera.intrinsics, Intrinsics { fx: 3.55, fy: 3.65, cx: 2.0, cy: 1.55 });
@@ -176,6 +182,13 @@ fn every_bad_value_is_named_by_its_field() {
             json!("m.png"),
             "frames[1].cameras[0].mask: expected a file that exists, found `m.png`: No",
         ),
+        ("/frames/0/cameras/1/depth/kind".into(), json!("inverse"), "frames[0].cameras[1].depth.kind (line"),
+        (
+            "/frames/0/cameras/1/depth/file".into(),
+            json!("/d.npy"),
+            "frames[0].cameras[1].depth.file: expected a relative path",
+        ),
+        ("/frames/0/cameras/1/depth/file".into(), json!("d.npy"), "frames[0].cameras[1].depth.file: expected a file"),
         (
             format!("{c}/world_from_camera/0"),
             json!([1, 0, 0, 1e12]),
@@ -218,7 +231,7 @@ fn unknown_and_missing_keys_are_named_with_their_place() {
         ("/more", "more (line", "unknown field `more`"),
         ("/frames/1/more", "frames[1].more (line", "unknown field `more`"),
         ("/frames/1/cameras/0/intrinsics/fz", "frames[1].cameras[0].intrinsics.fz (line", "unknown field `fz`"),
-        ("/frames/1/cameras/0/depth", "frames[1].cameras[0].depth (line", "unknown field `depth`"),
+        ("/frames/1/cameras/1/depth/unit", "frames[1].cameras[1].depth.unit (line", "unknown field `unit`"),
         ("/frames/0/boxes/0/more", "frames[0].boxes[0].more (line", "unknown field `more`"),
     ];
     for (pointer, place, what) in places {
@@ -256,7 +269,7 @@ fn a_number_that_json_does_not_have_is_named_by_field_and_line() {
 #[test]
 fn files_that_are_not_as_declared_are_named() {
     type Damage = fn(&Fixture);
-    let cases: [(Damage, &str); 8] = [
+    let cases: [(Damage, &str); 9] = [
         (|f| std::fs::remove_file(f.path(CLIP_FILE)).unwrap(), "clip.json: read: No such file"),
         (|f| std::fs::write(f.path("1.bin"), []).unwrap(), "1.bin: file size: expected at least one return"),
         (|f| std::fs::write(f.path("1.bin"), [0; 31]).unwrap(), "1.bin: file size: expected a multiple of 16 bytes"),
@@ -265,6 +278,10 @@ fn files_that_are_not_as_declared_are_named() {
         (
             |f| write_mask(&f.path("mask.png"), 2, 1, &[PixelLabel::Static; 2]).unwrap(),
             "mask.png: image size: expected width 8",
+        ),
+        (
+            |f| write_depth_metres(&f.path("depth.npy"), 6, 8, &[1.0; 48]).unwrap(),
+            "depth.npy: depth map: expected shape [6, 8] as declared, found [8, 6]",
         ),
         (
             |f| {

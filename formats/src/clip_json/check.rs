@@ -5,10 +5,10 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use super::{BoxJson, CameraJson, ClipJson, FrameJson, LidarJson, Rows, format_error};
+use super::{BoxJson, CameraJson, ClipJson, DepthJson, FrameJson, LidarJson, Rows, format_error};
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
-    clip::{CLIP_FORMAT, CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip::{CLIP_FORMAT, CameraRecord, Clip, DepthRecord, Frame, LidarRecord, TrackedBox},
     error::{FormatError, Result},
     image::MAX_IMAGE_SIDE,
     pose::Pose,
@@ -30,13 +30,13 @@ const MAX_BOX_EDGE: f64 = 1e4;
 const MAX_CAMERA_NAME: usize = 100;
 
 /// Values of a `clip.json` on their way to validated types.
-pub(super) struct Checker<'a> {
+pub(crate) struct Checker<'a> {
     file: &'a Path,
 }
 
 impl<'a> Checker<'a> {
     /// A checker whose errors name `file`.
-    pub(super) fn new(file: &'a Path) -> Self {
+    pub(crate) fn new(file: &'a Path) -> Self {
         Self { file }
     }
 
@@ -86,9 +86,10 @@ impl<'a> Checker<'a> {
 
     fn camera(&self, at: &str, json: CameraJson, lidar_timestamp: f64) -> Result<CameraRecord> {
         self.camera_name(&format!("{at}.name"), &json.name)?;
-        self.pinhole(at, &json)?;
+        self.pinhole(at, [json.width, json.height], json.intrinsics)?;
         let file = self.path(&format!("{at}.file"), json.file)?;
         let mask = json.mask.map(|mask| self.path(&format!("{at}.mask"), mask)).transpose()?;
+        let depth = json.depth.map(|depth| self.depth(at, depth)).transpose()?;
         let timestamp = self.timestamp(&format!("{at}.timestamp"), json.timestamp)?;
         if (timestamp - lidar_timestamp).abs() > MAX_CLOCK_DIFFERENCE {
             let expected = format!("at most {MAX_CLOCK_DIFFERENCE} s from its frame's LiDAR ({lidar_timestamp})");
@@ -107,25 +108,34 @@ impl<'a> Checker<'a> {
             distortion: json.distortion.map(Distortion),
             world_from_camera,
         };
-        Ok(CameraRecord { file, mask, camera })
+        Ok(CameraRecord { file, mask, depth, camera })
     }
 
-    fn pinhole(&self, at: &str, json: &CameraJson) -> Result<()> {
-        for (key, side) in [("width", json.width), ("height", json.height)] {
+    fn depth(&self, at: &str, json: DepthJson) -> Result<DepthRecord> {
+        Ok(DepthRecord { file: self.path(&format!("{at}.depth.file"), json.file)?, kind: json.kind })
+    }
+
+    /// Nothing, when a width and a height and intrinsics are those of a camera that can be drawn.
+    ///
+    /// # Errors
+    /// The value that is not, by its key below `at`.
+    pub(crate) fn pinhole(&self, at: &str, [width, height]: [u32; 2], intrinsics: Intrinsics) -> Result<()> {
+        let at = if at.is_empty() { String::new() } else { format!("{at}.") };
+        for (key, side) in [("width", width), ("height", height)] {
             if side == 0 || side > MAX_IMAGE_SIDE {
-                return self.error(format!("{at}.{key}"), format!("1 to {MAX_IMAGE_SIDE} pixels"), side.to_string());
+                return self.error(format!("{at}{key}"), format!("1 to {MAX_IMAGE_SIDE} pixels"), side.to_string());
             }
         }
-        let Intrinsics { fx, fy, cx, cy } = json.intrinsics;
+        let Intrinsics { fx, fy, cx, cy } = intrinsics;
         for (key, focal) in [("fx", fx), ("fy", fy)] {
             if !FOCAL_RANGE.contains(&focal) {
                 let expected = format!("a focal length of {} to {} pixels", FOCAL_RANGE.start(), FOCAL_RANGE.end());
-                return self.error(format!("{at}.intrinsics.{key}"), expected, focal.to_string());
+                return self.error(format!("{at}intrinsics.{key}"), expected, focal.to_string());
             }
         }
         for (key, point) in [("cx", cx), ("cy", cy)] {
             let expected = format!("a principal point within {MAX_PRINCIPAL_POINT} pixels");
-            self.within(&format!("{at}.intrinsics.{key}"), &expected, point, MAX_PRINCIPAL_POINT)?;
+            self.within(&format!("{at}intrinsics.{key}"), &expected, point, MAX_PRINCIPAL_POINT)?;
         }
         Ok(())
     }
@@ -155,11 +165,19 @@ impl<'a> Checker<'a> {
         if value.abs() <= limit { Ok(value) } else { self.error(field, expected, value.to_string()) }
     }
 
-    fn timestamp(&self, field: &str, seconds: f64) -> Result<f64> {
+    /// The timestamp, when it is one.
+    ///
+    /// # Errors
+    /// It is not finite, or in another unit than seconds.
+    pub(crate) fn timestamp(&self, field: &str, seconds: f64) -> Result<f64> {
         self.within(field, &format!("finite seconds within {MAX_TIMESTAMP}"), seconds, MAX_TIMESTAMP)
     }
 
-    fn pose(&self, field: &str, rows: &Rows) -> Result<Pose> {
+    /// The pose of the rows of a matrix.
+    ///
+    /// # Errors
+    /// It is not rigid, or beyond every map.
+    pub(crate) fn pose(&self, field: &str, rows: &Rows) -> Result<Pose> {
         let pose = Pose::from_rows(rows).or_else(|found| self.error(field, "a rigid 4x4 pose", found))?;
         for (row, value) in pose.translation().to_array().into_iter().enumerate() {
             let expected = format!("a translation within {MAX_TRANSLATION} m");

@@ -1,6 +1,6 @@
 //! The text of `clip.json`: the mirror that serde reads and writes, and its way to and from [`Clip`].
 
-mod check;
+pub(crate) mod check;
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     camera::Intrinsics,
-    clip::{CLIP_FORMAT, CameraRecord, Clip, Frame, TrackedBox},
+    clip::{CLIP_FORMAT, CameraRecord, Clip, DepthKind, Frame, TrackedBox},
     error::{FormatError, Result},
 };
 use check::Checker;
@@ -55,7 +55,16 @@ struct CameraJson {
     distortion: Option<[f64; 5]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    depth: Option<DepthJson>,
     world_from_camera: Rows,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DepthJson {
+    file: PathBuf,
+    kind: DepthKind,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -148,6 +157,7 @@ fn mirror(clip: &Clip) -> ClipJson {
         intrinsics: record.camera.intrinsics,
         distortion: record.camera.distortion.map(|d| d.0),
         mask: record.mask.clone(),
+        depth: record.depth.as_ref().map(|depth| DepthJson { file: depth.file.clone(), kind: depth.kind }),
         world_from_camera: record.camera.world_from_camera.rows(),
     };
     let tracked_box = |b: &TrackedBox| BoxJson {

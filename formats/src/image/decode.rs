@@ -52,6 +52,18 @@ pub(super) fn grey8(path: &Path, camera: &Camera) -> Result<Vec<u8>> {
     }
 }
 
+/// `[H, W]` values of a 16-bit grey PNG file of the declared size.
+pub(super) fn grey16(path: &Path, camera: &Camera) -> Result<Vec<u16>> {
+    let (image, format) = decode(path, camera)?;
+    match (image, format) {
+        (DynamicImage::ImageLuma16(grey), ImageFormat::Png) => Ok(grey.into_raw()),
+        (image, format) => {
+            let found = format!("{:?} {format:?}", image.color());
+            Err(FormatError::invalid(path, "pixel format", format!("{:?} Png (16-bit grey)", ColorType::L16), found))
+        }
+    }
+}
+
 fn decode(path: &Path, camera: &Camera) -> Result<(DynamicImage, ImageFormat)> {
     let bytes = read_file(path, MAX_DATA_BYTES)?;
     let (mut reader, format) = reader(path, Cursor::new(&bytes))?;

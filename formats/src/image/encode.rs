@@ -51,12 +51,18 @@ pub fn to_byte(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-fn encode(path: &Path, width: usize, height: usize, bytes: &[u8], colour: ExtendedColorType) -> Result<Vec<u8>> {
-    let channels = usize::from(colour.channel_count());
-    let expected = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels));
+pub(super) fn encode(
+    path: &Path,
+    width: usize,
+    height: usize,
+    bytes: &[u8],
+    colour: ExtendedColorType,
+) -> Result<Vec<u8>> {
+    let bytes_each = usize::from(colour.bits_per_pixel() / 8);
+    let expected = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(bytes_each));
     let (Ok(w), Ok(h), true) = (u32::try_from(width), u32::try_from(height), expected == Some(bytes.len())) else {
-        let expected = format!("{channels} values for each pixel of width {width} and height {height}");
-        return Err(FormatError::invalid(path, "image data", expected, format!("{} values", bytes.len())));
+        let expected = format!("{bytes_each} bytes for each pixel of width {width} and height {height}");
+        return Err(FormatError::invalid(path, "image data", expected, format!("{} bytes", bytes.len())));
     };
     let mut png = Vec::new();
     PngEncoder::new(&mut png)

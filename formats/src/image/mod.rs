@@ -1,6 +1,7 @@
 //! Images on the host: decoded, undistorted and resized on the way in, PNG on the way out.
 
 mod decode;
+mod depth;
 mod encode;
 mod lens;
 mod resample;
@@ -13,6 +14,7 @@ use crate::{
     error::{FormatError, Result},
 };
 
+pub use depth::{DepthMap, check_depth, load_depth, write_depth_metres, write_depth_png};
 pub use encode::{encode_png, to_byte, write_grey, write_mask, write_png};
 
 /// Largest width or height of an image, pixels.
@@ -130,6 +132,14 @@ pub(crate) fn check_whole(root: &Path, record: &CameraRecord) -> Result<()> {
     decode::rgb8(&root.join(&record.file), &record.camera).map(drop)
 }
 
+/// Nothing, when the file `path` is a whole mask of the size that `camera` declares.
+///
+/// # Errors
+/// A mask that is missing, damaged, of another size, or not an 8-bit grey PNG.
+pub(crate) fn check_mask(path: &Path, camera: &Camera) -> Result<()> {
+    decode::grey8(path, camera).map(drop)
+}
+
 /// The image of a record, rectified to the pinhole of the same intrinsics, then resized to `size` if given.
 ///
 /// Values are the encoded ones (no gamma is undone). Downward, a pixel is the mean of the area that it covers;
@@ -150,15 +160,24 @@ pub fn load(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -> Resu
         lens: lens::Lens::new(declared),
     };
     let size = size.unwrap_or(ImageSize { height: source.height, width: source.width });
-    let side = |pixels: usize| u32::try_from(pixels).ok().filter(|side| (1..=MAX_IMAGE_SIDE).contains(side));
-    let (Some(width), Some(height)) = (side(size.width), side(size.height)) else {
-        return Err(FormatError::invalid(&path, "size", format!("sides of 1 to {MAX_IMAGE_SIDE}"), size.to_string()));
-    };
+    let [height, width] = sides(&path, size)?;
     let (rgb, labels) = source.resized(size);
     let (sx, sy) = (f64::from(width) / f64::from(declared.width), f64::from(height) / f64::from(declared.height));
     let intrinsics = declared.intrinsics.scaled(sx, sy);
     let camera = Camera { width, height, intrinsics, distortion: None, ..declared.clone() };
     Ok(LoadedImage { rgb, labels, camera })
+}
+
+/// Height and width of a size that images may be brought to.
+///
+/// # Errors
+/// A side outside 1 to [`MAX_IMAGE_SIDE`].
+fn sides(path: &Path, size: ImageSize) -> Result<[u32; 2]> {
+    let side = |pixels: usize| u32::try_from(pixels).ok().filter(|side| (1..=MAX_IMAGE_SIDE).contains(side));
+    match (side(size.height), side(size.width)) {
+        (Some(height), Some(width)) => Ok([height, width]),
+        _ => Err(FormatError::invalid(path, "size", format!("sides of 1 to {MAX_IMAGE_SIDE}"), size.to_string())),
+    }
 }
 
 /// A side of at most [`MAX_IMAGE_SIDE`] pixels as an index.

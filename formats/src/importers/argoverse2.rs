@@ -161,7 +161,12 @@ impl Sensor {
             distortion: None,
             world_from_camera: trajectory.at(timestamp)? * self.vehicle_from_camera,
         };
-        Ok(CameraRecord { file: PathBuf::from(format!("{CAMERAS}/{}/{}", self.name, file.name)), mask: None, camera })
+        Ok(CameraRecord {
+            file: PathBuf::from(format!("{CAMERAS}/{}/{}", self.name, file.name)),
+            mask: None,
+            depth: None,
+            camera,
+        })
     }
 }
 

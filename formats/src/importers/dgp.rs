@@ -161,7 +161,12 @@ impl<'a> Reader<'a> {
             distortion: distortion.iter().any(|&k| k != 0.0).then_some(Distortion(distortion)),
             world_from_camera: self.pose(&at, &image.pose)?,
         };
-        Ok(CameraRecord { file: inside(At { file: self.file, field: &at }, &image.filename)?, mask: None, camera })
+        Ok(CameraRecord {
+            file: inside(At { file: self.file, field: &at }, &image.filename)?,
+            mask: None,
+            depth: None,
+            camera,
+        })
     }
 
     /// The boxes of a point cloud, `None` when it names none.

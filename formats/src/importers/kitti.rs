@@ -151,7 +151,7 @@ impl Sensor {
             world_from_camera: motion.world_from_camera_0(number, timestamp)? * self.rectified.camera_0_from_this,
         };
         let file = PathBuf::from(format!("{}/data/{}", self.name, self.files[index].name));
-        Ok(Some(CameraRecord { file, mask: None, camera }))
+        Ok(Some(CameraRecord { file, mask: None, depth: None, camera }))
     }
 }
 

@@ -4,13 +4,13 @@
 //! makes a [`ClipDir`] of it, and [`write()`] a clip directory. Intrinsics come out with pixel centres at +0.5, poses in
 //! the data set's own world, timestamps in its own clock, seconds.
 
+mod additions;
 mod argoverse2;
 mod dgp;
 mod feather;
 mod kitti;
 mod nearest;
 mod npz;
-mod numpy;
 mod nuscenes;
 mod pandaset;
 mod pickle;
@@ -31,7 +31,8 @@ use crate::{
     error::{FormatError, Result},
 };
 
-pub use write::write;
+pub use additions::{Additions, DepthFolder};
+pub use write::{write, write_with};
 
 /// A foreign layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

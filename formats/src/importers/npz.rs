@@ -4,9 +4,9 @@ use std::{fs::File, io::BufReader, path::Path};
 
 use zip::ZipArchive;
 
-use super::numpy::{Array, parse_npy};
 use crate::{
     error::{FormatError, Result},
+    numpy::{Array, Npy},
     read::{MAX_DATA_BYTES, file_size, read_unpacked},
 };
 
@@ -26,5 +26,6 @@ pub(super) fn read_npz(file: &Path, name: &str) -> Result<Array> {
         return Err(FormatError::invalid(file, "archive", format!("an array `{name}`"), found));
     }
     let entry = archive.by_name(&member).map_err(|e| FormatError::syntax(file, name, e.to_string()))?;
-    parse_npy(file, name, &read_unpacked(file, name, packed, entry)?)
+    let bytes = read_unpacked(file, name, packed, entry)?;
+    Npy::parse(file, name, &bytes).map(|npy| npy.array())
 }

@@ -214,7 +214,7 @@ impl<'a> Reader<'a> {
             distortion: None,
             world_from_camera: world_from_sensor,
         };
-        Ok(CameraRecord { file, mask: None, camera })
+        Ok(CameraRecord { file, mask: None, depth: None, camera })
     }
 }
 

@@ -181,7 +181,7 @@ impl Images {
             world_from_camera: self.sensor.pose(index)?,
         };
         let file = PathBuf::from(format!("camera/{}/{}", self.name, self.sensor.files[index].name));
-        Ok(Some(CameraRecord { file, mask: None, camera }))
+        Ok(Some(CameraRecord { file, mask: None, depth: None, camera }))
     }
 }
 

@@ -7,10 +7,11 @@ use std::{
 };
 
 use crate::{
-    clip::{CameraRecord, Clip},
+    clip::{CameraRecord, Clip, DepthRecord},
     clip_dir::{ClipDir, write_clip},
     error::{FormatError, Result},
     image,
+    importers::additions::Additions,
     interrupt::Unfinished,
     read::{MAX_DATA_BYTES, read_file},
     sweep::write_sweep,
@@ -23,6 +24,14 @@ use crate::{
 /// # Errors
 /// An `out` that holds something already or cannot be written to; sweeps and images that are damaged.
 pub fn write(source: &ClipDir, out: &Path) -> Result<()> {
+    write_with(source, out, &Additions::default())
+}
+
+/// As [`write()`], with what the user has beside the folder.
+///
+/// # Errors
+/// Those of [`write()`]; masks and depth maps that fit no image, are damaged or of another size.
+pub fn write_with(source: &ClipDir, out: &Path, additions: &Additions) -> Result<()> {
     let parent = match out.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -36,7 +45,7 @@ pub fn write(source: &ClipDir, out: &Path) -> Result<()> {
     builder.prefix(".lgs-").suffix(".part");
     let _unfinished = Unfinished::new();
     let place = builder.tempdir_in(parent).map_err(|e| FormatError::io(out, "create", e))?;
-    fill(source, place.path())?;
+    fill(source, place.path(), additions)?;
     share(place.path(), parent);
     if out.is_dir() {
         fs::remove_dir(out).map_err(|e| FormatError::io(out, "replace", e))?;
@@ -55,7 +64,7 @@ fn share(folder: &Path, parent: &Path) {
     }
 }
 
-fn fill(source: &ClipDir, place: &Path) -> Result<()> {
+fn fill(source: &ClipDir, place: &Path, additions: &Additions) -> Result<()> {
     let make = |name: &str| {
         let folder = place.join(name);
         fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))
@@ -71,10 +80,11 @@ fn fill(source: &ClipDir, place: &Path) -> Result<()> {
             *record = copied(source.root(), place, f, record)?;
         }
     }
+    additions.apply(place, &mut clip)?;
     write_clip(place, &clip)
 }
 
-/// The record of the copy of an image and its mask.
+/// The record of the copy of an image, its mask and its depth map.
 fn copied(root: &Path, place: &Path, frame: usize, record: &CameraRecord) -> Result<CameraRecord> {
     let ending = record.file.extension().and_then(OsStr::to_str).unwrap_or("image");
     let name = &record.camera.name;
@@ -87,5 +97,13 @@ fn copied(root: &Path, place: &Path, frame: usize, record: &CameraRecord) -> Res
         Some(mask) => Some(copy(mask, &format!("images/{frame:04}_{name}_mask.png"))?),
         None => None,
     };
-    Ok(CameraRecord { file, mask, camera: record.camera.clone() })
+    let depth = match &record.depth {
+        Some(depth) => {
+            let ending = depth.file.extension().and_then(OsStr::to_str).unwrap_or("depth");
+            let file = copy(&depth.file, &format!("images/{frame:04}_{name}_depth.{ending}"))?;
+            Some(DepthRecord { file, kind: depth.kind })
+        }
+        None => None,
+    };
+    Ok(CameraRecord { file, mask, depth, camera: record.camera.clone() })
 }

@@ -2,7 +2,9 @@
 
 mod adam;
 mod densify;
+mod depth_maps;
 mod describe;
+mod film;
 mod flags;
 mod hostile_clips;
 mod infer;
@@ -26,7 +28,9 @@ pub(crate) fn cases() -> Vec<Trial> {
         real_clips::cases(),
         scenes::cases(),
         densify::cases(),
+        depth_maps::cases(),
         describe::cases(),
+        film::cases(),
         network::cases(),
         plan::cases(),
         untrained::cases(),

@@ -35,6 +35,8 @@ pub(super) const CASES: &[Extreme] = &[
     reader!("av2", "changed files of an Argoverse 2 log", TARGETS[5]),
     reader!("pandaset", "changed files of a PandaSet sequence", TARGETS[6]),
     reader!("nuscenes", "changed files of a nuScenes release", TARGETS[7]),
+    reader!("depth", "changed depth maps, PNG and npy, metric and relative", TARGETS[8]),
+    reader!("path", "changed camera paths", TARGETS[9]),
 ];
 
 fn attack(target: &Target) -> Outcome {

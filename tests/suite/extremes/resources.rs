@@ -32,6 +32,8 @@ pub(super) const CASES: &[Extreme] = &[
         unfolding("dgp", "point_cloud/LIDAR/1.npz", "1.npz", npz_of_zeros)
     })
     .mended("as for gzip"),
+    Extreme::new("png_that_unfolds_without_end", "a depth map of 16 x 12 pixels whose 300 KB unfold to 300 MB, for a process of 260 MB", "read, or one line that names the file: no more is unfolded than its pixels need", png_beyond_its_pixels),
+    Extreme::new("array_that_promises_a_memory", "a depth map of 200 bytes whose header promises 10^22 values, for a process of 260 MB", "one line that names the file and the shape that was declared", array_beyond_the_memory),
 ];
 
 fn infer(place: &Path, out: &str, flags: &[&str]) -> Result<Finished, String> {
@@ -176,6 +178,48 @@ fn npz_of_zeros() -> std::io::Result<Vec<u8>> {
 fn zeros(to: &mut impl Write) -> std::io::Result<()> {
     let block = vec![0; 1 << 20];
     (0..ZEROS / block.len()).try_for_each(|_| to.write_all(&block))
+}
+
+/// A grey PNG of 16 bits whose data go on behind its last pixel.
+fn png_of_zeros() -> std::io::Result<Vec<u8>> {
+    let mut packed = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
+    zeros(&mut packed)?;
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    let header = [&16_u32.to_be_bytes()[..], &12_u32.to_be_bytes(), &[16, 0, 0, 0, 0]].concat();
+    for (name, data) in [(b"IHDR", header), (b"IDAT", packed.finish()?), (b"IEND", Vec::new())] {
+        let chunk = [name.as_slice(), &data].concat();
+        let mut check = flate2::Crc::new();
+        check.update(&chunk);
+        png.extend(u32::try_from(data.len()).map_err(std::io::Error::other)?.to_be_bytes());
+        png.extend(chunk);
+        png.extend(check.sum().to_be_bytes());
+    }
+    Ok(png)
+}
+
+/// What an import of the fixture of DGP with this depth map says, within 260 MB.
+fn with_depth_map(place: &Path, ending: &str, content: &[u8]) -> Result<Finished, String> {
+    let (source, file) = (layouts::foreign("dgp")?.path(), format!("0000_CAMERA_01.{ending}"));
+    fs::create_dir(place.join("own"))
+        .and_then(|()| fs::write(place.join("own").join(file), content))
+        .map_err(|e| e.to_string())?;
+    let mut arguments: Vec<&OsStr> = vec!["import".as_ref(), "dgp".as_ref(), source.as_os_str()];
+    arguments.extend(["--out", "out", "--depth", "own", "--depth-kind", "relative"].map(OsStr::new));
+    limited("-v 260000", "lgs-clip", &arguments, place)
+}
+
+fn png_beyond_its_pixels() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let finished = with_depth_map(place.path(), "png", &png_of_zeros()?)?;
+    if finished.code == Some(0) { Ok(()) } else { finished.expect_refusal(&["0000_CAMERA_01.png", "image"]) }
+}
+
+fn array_beyond_the_memory() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let header =
+        format!("{:<117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }");
+    let content = [b"\x93NUMPY\x01\x00v\x00".as_slice(), header.as_bytes(), &[0; 72]].concat();
+    with_depth_map(place.path(), "npy", &content)?.expect_refusal(&["0000_CAMERA_01.npy", "depth map"])
 }
 
 fn unfolding(layout: &str, file: &str, name: &str, content: fn() -> std::io::Result<Vec<u8>>) -> Outcome {

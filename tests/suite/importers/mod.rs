@@ -1,5 +1,6 @@
 //! Foreign layouts: what they become, the real folders where they are, what is refused, and what an inspection says.
 
+mod additions;
 mod fixtures;
 mod hostile;
 mod inspect;
@@ -8,5 +9,8 @@ mod real;
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    [fixtures::cases(), real::cases(), hostile::cases(), inspect::cases()].into_iter().flatten().collect()
+    [additions::cases(), fixtures::cases(), real::cases(), hostile::cases(), inspect::cases()]
+        .into_iter()
+        .flatten()
+        .collect()
 }

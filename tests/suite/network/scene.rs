@@ -46,5 +46,14 @@ pub(super) fn view(random: &mut Random) -> View {
     let depth_samples =
         (0..40).map(|k| DepthSample { pixel: 28 * k, depth: random.uniform_single(3.0, 7.0) }).collect();
     let image = RgbImage { width, height, data };
-    View { frame: 0, camera: "a".to_owned(), role: Role::Input, pinhole, image, labels: None, depth_samples }
+    View {
+        frame: 0,
+        camera: "a".to_owned(),
+        role: Role::Input,
+        pinhole,
+        image,
+        labels: None,
+        depth_map: None,
+        depth_samples,
+    }
 }

@@ -66,7 +66,16 @@ pub(crate) fn camera(x: f32) -> PinholeView {
 /// A view of an image.
 pub(crate) fn view(pinhole: PinholeView, data: Vec<f32>, depth_samples: Vec<DepthSample>) -> View {
     let image = RgbImage { width: WIDTH, height: HEIGHT, data };
-    View { frame: 0, camera: "c".to_owned(), role: Role::Input, pinhole, image, labels: None, depth_samples }
+    View {
+        frame: 0,
+        camera: "c".to_owned(),
+        role: Role::Input,
+        pinhole,
+        image,
+        labels: None,
+        depth_map: None,
+        depth_samples,
+    }
 }
 
 /// Raw attributes of a Gaussian.

@@ -86,7 +86,7 @@ pub(crate) fn clip(root: &Path, name: &str, seed: u64) -> Result<PathBuf, Failed
         (camera.height, camera.width) = (32, 48);
     }
     (config.rig.lidar.num_beams, config.rig.lidar.num_azimuths) = (16, 60);
-    let export = Export { name: name.to_owned(), images: ImageFormat::Png, masks: false };
+    let export = Export { name: name.to_owned(), images: ImageFormat::Png, masks: false, depth: None };
     let dir = root.join(name);
     write(&Scene::new(config).map_err(failed)?, &dir, &export, &|| ()).map_err(failed)?;
     Ok(dir)

@@ -1,13 +1,17 @@
 //! Good folders of every target, and how each is read to its end.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use lgs_formats::camera::{Camera, Distortion, Intrinsics};
+use lgs_formats::camera_path;
+use lgs_formats::clip::{CameraRecord, DepthKind, DepthRecord};
 use lgs_formats::clip_dir::ClipDir;
 use lgs_formats::cloud::SplatCloud;
-use lgs_formats::image::ImageSize;
+use lgs_formats::image::{ImageSize, check_depth, load_depth, write_depth_metres, write_depth_png};
 use lgs_formats::importers::{self, Layout, Selection};
 use lgs_formats::ply::{read_ply, write_ply};
+use lgs_formats::pose::Pose;
 use lgs_formats::targets::{
     ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Normalise, Shard, ShardRecord,
     Signal, TARGETS_FORMAT, TargetsConfig, ZScore, shard_file, write_shard,
@@ -61,6 +65,78 @@ pub(super) fn fill_clip(repository: &Path, to: &Path) -> Said {
 
 pub(super) fn read_clip(folder: &Path) -> Said {
     read_all(&ClipDir::open(folder).map_err(said)?)
+}
+
+/// Width and height of the depth maps.
+const MAP: [u32; 2] = [12, 8];
+
+pub(super) fn fill_depth(_: &Path, to: &Path) -> Said {
+    let [width, height] = MAP.map(|side| side as usize);
+    let depths: Vec<f32> = (1_u8..=96).map(f32::from).collect();
+    let values: Vec<u16> = (1..=96).map(|value| 600 * value).collect();
+    for kind in KINDS {
+        write_depth_metres(&to.join(format!("{}.npy", kind.word())), width, height, &depths).map_err(said)?;
+        write_depth_png(&to.join(format!("{}.png", kind.word())), width, height, &values).map_err(said)?;
+    }
+    Ok(())
+}
+
+const KINDS: [DepthKind; 2] = [DepthKind::Metric, DepthKind::Relative];
+
+/// A map that can be read has a value for each pixel, and a metric one no negative depth.
+pub(super) fn read_depth(folder: &Path) -> Said {
+    let camera = Camera {
+        name: "c".to_owned(),
+        timestamp: 0.0,
+        width: MAP[0],
+        height: MAP[1],
+        intrinsics: Intrinsics { fx: 9.0, fy: 9.0, cx: 6.0, cy: 4.0 },
+        distortion: Some(Distortion([0.1, -0.02, 1e-3, 1e-3, 0.0])),
+        world_from_camera: Pose::IDENTITY,
+    };
+    let mut wrong = Ok(());
+    for (kind, ending) in KINDS.into_iter().flat_map(|kind| [(kind, "npy"), (kind, "png")]) {
+        let file = PathBuf::from(format!("{}.{ending}", kind.word()));
+        let checked = check_depth(&folder.join(&file), &camera).map_err(said);
+        let depth = Some(DepthRecord { file, kind });
+        let record = CameraRecord { file: PathBuf::from("none"), mask: None, depth, camera: camera.clone() };
+        match load_depth(folder, &record, Some(SIZE)).map_err(said) {
+            Ok(map) => {
+                let values = map.map(|map| map.inverse).unwrap_or_default();
+                promise(values.len() == SIZE.width * SIZE.height, "a map of another size");
+                promise(
+                    kind == DepthKind::Relative || values.iter().all(|v| v.is_nan() || *v >= 0.0),
+                    "a negative depth",
+                );
+                promise(values.iter().all(|v| !v.is_infinite()), "an infinite value");
+            }
+            error => wrong = error.map(drop),
+        }
+        wrong = wrong.and(checked);
+    }
+    wrong
+}
+
+pub(super) fn fill_path(_: &Path, to: &Path) -> Said {
+    let text = r#"{"format": "lgs-path/1",
+ "camera": {"width": 64, "height": 36, "intrinsics": {"fx": 40.0, "fy": 41.5, "cx": 32.0, "cy": 18.0}},
+ "poses": [{"timestamp": 1.5e9, "world_from_camera": [[1, 0, 0, 5.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]},
+           {"timestamp": 1500000000.5, "world_from_camera": [[0, -1, 0, 6.5], [1, 0, 0, 2e3], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#;
+    fs::write(to.join("path.json"), text).map_err(said)
+}
+
+/// A path that can be read has places that are finite.
+pub(super) fn read_path(folder: &Path) -> Said {
+    let path = camera_path::read_path(&folder.join("path.json")).map_err(said)?;
+    promise(!path.keys.is_empty(), "a path of no place");
+    for key in &path.keys {
+        let rows = key.world_from_camera.rows();
+        promise(
+            key.timestamp.is_finite() && rows.as_flattened().iter().all(|v| v.is_finite()),
+            "a place that is not finite",
+        );
+    }
+    Ok(())
 }
 
 pub(super) fn fill_ply(_: &Path, to: &Path) -> Said {

@@ -27,7 +27,7 @@ pub struct Target {
 }
 
 /// The targets of files that hold data.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 10] = [
     Target { name: "clip", fill: content::fill_clip, read: content::read_clip },
     Target { name: "ply", fill: content::fill_ply, read: content::read_scene },
     Target { name: "targets", fill: content::fill_targets, read: content::read_targets },
@@ -36,6 +36,8 @@ pub const TARGETS: [Target; 8] = [
     Target { name: "av2", fill: content::fill_av2, read: content::read_av2 },
     Target { name: "pandaset", fill: content::fill_pandaset, read: content::read_pandaset },
     Target { name: "nuscenes", fill: content::fill_nuscenes, read: content::read_nuscenes },
+    Target { name: "depth", fill: content::fill_depth, read: content::read_depth },
+    Target { name: "path", fill: content::fill_path, read: content::read_path },
 ];
 
 /// A target's folder in a temporary place, good but for the file that an input stands for.

@@ -12,7 +12,11 @@ use lgs_formats::{
     write::write_atomic,
 };
 
-use super::{camera::Capture, scene::Scene};
+use super::{
+    camera::Capture,
+    depth_map::{self, DepthMaps},
+    scene::Scene,
+};
 use crate::error::{Result, TrainError};
 
 /// Terms under which the made clips may be used.
@@ -45,6 +49,8 @@ pub struct Export {
     pub images: ImageFormat,
     /// Whether masks of moving pixels are written.
     pub masks: bool,
+    /// Which depth maps are written, if any.
+    pub depth: Option<DepthMaps>,
 }
 
 /// What was written.
@@ -79,7 +85,9 @@ pub fn write(scene: &Scene, dir: &Path, export: &Export, progress: &dyn Fn()) ->
     let root = staging.path().join("clip");
     let create = |path: &Path| std::fs::create_dir(path).map_err(|e| FormatError::io(path, "create", e));
     create(&root)?;
-    for folder in ["lidar", "images"].into_iter().chain(export.masks.then_some("masks")) {
+    for folder in
+        ["lidar", "images"].into_iter().chain(export.masks.then_some("masks")).chain(export.depth.map(|_| "depth"))
+    {
         create(&root.join(folder))?;
     }
     let mut written = Written::default();
@@ -140,7 +148,10 @@ fn write_frame(
             let Capture { rgb, labels, .. } = &capture;
             write_mask(&root.join(mask), rgb.width, rgb.height, labels)?;
         }
-        cameras.push(CameraRecord { file, mask, camera });
+        let number = (index * scene.config().rig.cameras.len() + k) as u64;
+        let depth =
+            export.depth.map(|maps| depth_map::write(maps, &capture, root, &stem, [scene.config().seed, number]));
+        cameras.push(CameraRecord { file, mask, depth: depth.transpose()?, camera });
         progress();
     }
     written.frames += 1;

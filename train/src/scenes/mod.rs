@@ -44,6 +44,7 @@ mod world;
 mod camera;
 mod lidar;
 
+pub mod depth_map;
 pub mod export;
 mod scene;
 

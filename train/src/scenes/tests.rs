@@ -5,6 +5,7 @@ use lgs_formats::{clip::TrackedBox, clip_dir::ClipDir, image::PixelLabel, sweep:
 
 use super::{
     config::{Origin, SceneConfig},
+    depth_map::DepthMaps,
     export::{self, Export, ImageFormat},
     presets,
     scene::Scene,
@@ -158,7 +159,8 @@ fn exported_clips_are_read_back_and_full_directories_are_refused() {
     let out = tempfile::tempdir().unwrap();
     let dir = out.path().join("clips/one");
     let scene = Scene::new(exact(1)).unwrap();
-    let options = Export { name: "one".to_owned(), images: ImageFormat::Jpeg(90), masks: true };
+    let options =
+        Export { name: "one".to_owned(), images: ImageFormat::Jpeg(90), masks: true, depth: Some(DepthMaps::Metric) };
     let written = export::write(&scene, &dir, &options, &|| ()).unwrap();
     assert_eq!((written.frames, written.images), (3, 6));
     let read = ClipDir::open(&dir).unwrap();
@@ -166,6 +168,8 @@ fn exported_clips_are_read_back_and_full_directories_are_refused() {
     assert_eq!(read.load_sweep(1).unwrap(), scene.scan(1).sweep);
     let image = read.load_image(1, 0, None).unwrap();
     assert_eq!(image.labels.unwrap(), scene.capture(1, 0).labels);
+    let depth = read.load_depth(1, 0, None).unwrap().unwrap().inverse;
+    assert!(depth.iter().zip(scene.capture(1, 0).depth).all(|(w, metres)| *w == 1.0 / metres));
     let truth = scene.capture(1, 0).rgb;
     let mean = truth.data.iter().zip(&image.rgb.data).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>()
         / truth.data.len() as f64;

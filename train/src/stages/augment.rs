@@ -4,6 +4,7 @@ use lgs_engine::{
     gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, QUAT},
     views::{DepthSample, View},
 };
+use lgs_formats::image::DepthMap;
 
 use crate::scenes::{dice::Dice, maths::narrow};
 
@@ -53,7 +54,11 @@ impl Window {
             inside.then_some(DepthSample { pixel, depth: sample.depth })
         });
         let depth_samples = depth_samples.collect();
-        View { camera: view.camera.clone(), pinhole, image, labels, depth_samples, ..*view }
+        let depth_map = view.depth_map.as_ref().map(|map| DepthMap {
+            inverse: rows().flat_map(|y| &map.inverse[y * full_width + left..][..width]).copied().collect(),
+            ..*map
+        });
+        View { camera: view.camera.clone(), pinhole, image, labels, depth_map, depth_samples, ..*view }
     }
 }
 
@@ -132,6 +137,9 @@ pub(crate) fn mirror(set: &mut GaussianSet, views: &mut [View]) {
         if let Some(labels) = &mut view.labels {
             labels.chunks_exact_mut(width).for_each(<[_]>::reverse);
         }
+        if let Some(map) = &mut view.depth_map {
+            map.inverse.chunks_exact_mut(width).for_each(<[_]>::reverse);
+        }
         for sample in &mut view.depth_samples {
             if let Ok(width) = u32::try_from(width) {
                 let column = sample.pixel % width;
@@ -145,7 +153,10 @@ pub(crate) fn mirror(set: &mut GaussianSet, views: &mut [View]) {
 #[cfg(test)]
 mod tests {
     use lgs_engine::views::{DepthSample, PinholeView, Role, View};
-    use lgs_formats::image::{PixelLabel, RgbImage};
+    use lgs_formats::{
+        clip::DepthKind,
+        image::{DepthMap, PixelLabel, RgbImage},
+    };
 
     use lgs_engine::gaussians::GaussianSet;
 
@@ -172,8 +183,16 @@ mod tests {
             pinhole,
             image: RgbImage { width, height, data },
             labels: Some(labels.collect()),
+            depth_map: Some(DepthMap {
+                kind: DepthKind::Metric,
+                inverse: (0..width * height).map(|i| i as f32).collect(),
+            }),
             depth_samples: depth_samples.collect(),
         }
+    }
+
+    fn of_map(view: &View, pixel: usize) -> f32 {
+        view.depth_map.as_ref().unwrap().inverse[pixel]
     }
 
     #[test]
@@ -186,6 +205,7 @@ mod tests {
             assert_eq!(part.image.data[3 * inner], whole.image.data[3 * outer]);
             assert_eq!(part.labels.as_ref().unwrap()[inner], whole.labels.as_ref().unwrap()[outer]);
             assert_eq!(part.depth_samples[inner].depth, whole.depth_samples[outer].depth);
+            assert_eq!(of_map(&part, inner), of_map(&whole, outer));
             assert_eq!(part.depth_samples[inner].pixel as usize, inner);
         }
         let point = [0.3, -0.1, 4.0];
@@ -229,6 +249,7 @@ mod tests {
                 assert_eq!(mirrored.image.data[3 * to..3 * to + 3], plain.image.data[3 * from..3 * from + 3]);
                 assert_eq!(mirrored.labels.as_ref().unwrap()[to], plain.labels.as_ref().unwrap()[from]);
                 assert_eq!(mirrored.depth_samples[to].depth, plain.depth_samples[from].depth);
+                assert_eq!(of_map(mirrored, to), of_map(plain, from));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! `lgs-infer`: a clip in, a dynamic Gaussian scene, its views and their figures out.
 
 mod args;
+mod film;
 mod output;
 mod plan;
 mod progress;

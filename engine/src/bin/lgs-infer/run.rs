@@ -19,14 +19,15 @@ use lgs_engine::{
     },
     plan::Recipe,
     refine::{RefineSettings, Turns, adam::AdamSettings},
-    report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
+    report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, viewer};
+use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, program::Outcome, viewer};
 
 use crate::{
     args::{Args, ViewsArg, word},
+    film::Film,
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     plan::{self, Plan},
     progress::Bars,
@@ -34,16 +35,16 @@ use crate::{
 };
 
 /// Does what the command line asks for and returns what to print.
-pub(crate) fn run(args: &Args) -> Result<String> {
+pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match (&args.describe, &args.clip_dir) {
-        (Some(file), _) => Ok(describe(&config_of(file)?)?),
+        (Some(file), _) => Ok(describe(&config_of(file)?)?.into()),
         (None, Some(clip)) => infer(args, clip),
         (None, None) => bail!("CLIP_DIR: expected a clip directory, found nothing"),
     }
 }
 
 /// Reconstructs a clip, writes the output and returns what to print.
-fn infer(args: &Args, clip: &Path) -> Result<String> {
+fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let start = Instant::now();
     if args.max_gaussians.is_some() && args.weights == ModelSource::None {
         bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
@@ -59,6 +60,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
     let exports = exports(args, inputs.views())?;
+    let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let begun = begin(&inputs, &mut watch)?;
     let Plan { recipe, until, mut budget } = plan::plan(args, start, &begun, inputs.views(), &watch)?;
@@ -98,6 +100,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
         gaussians: reconstruction.counts,
         network: reconstruction.network,
         optimisation: reconstruction.optimisation,
+        depth_maps: reconstruction.depth_maps,
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -109,8 +112,13 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let stops = || inputs.views().iter().map(stop).collect::<Vec<_>>();
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
     let viewer = viewer.as_deref();
+    if let Some(film) = &film {
+        film.write(&to_physical(&reconstruction.scene), &out, &bars)?;
+    }
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
-    Ok(if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out) })
+    let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
+    let notes = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
+    Ok(Outcome { text, notes: notes.into_iter().collect(), has_findings: false })
 }
 
 /// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.

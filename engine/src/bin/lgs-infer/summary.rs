@@ -8,11 +8,13 @@ use lgs_engine::{
     views::Role,
 };
 
+use crate::film::Film;
+
 /// The first figures are those of the full image, the others those of its moving and its static pixels.
 const NUM_FULL_IMAGE: usize = 4;
 
 /// A page of text: mean figures, counts, times and where the files are.
-pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
+pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path, film: Option<&Film>) -> String {
     let mut text = format!("{}\n", metrics.clip);
     let measured = metrics.config.at_time.is_none();
     for (role, mean) in [(Role::HeldOut, &metrics.mean.held_out), (Role::Input, &metrics.mean.input)] {
@@ -52,6 +54,9 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
     let memory = metrics.peak_rss_mb.map_or("unknown".to_owned(), |mb| format!("{mb:.0} MB"));
     line(&mut text, "peak memory", &format!("{memory}, {} threads", metrics.threads));
     line(&mut text, "written to", &out.display().to_string());
+    if let Some(film) = film {
+        line(&mut text, "film", &format!("{} pictures, {}", film.len(), out.join("path.png").display()));
+    }
     line(&mut text, "to look at", &out.join("report.html").display().to_string());
     text
 }

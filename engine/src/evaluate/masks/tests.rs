@@ -32,7 +32,7 @@ fn camera() -> Camera {
 fn frame(timestamp: f64, boxes: Option<Vec<TrackedBox>>) -> Frame {
     let file = PathBuf::from("sweep.bin");
     let lidar = LidarRecord { file, timestamp: EPOCH + timestamp, world_from_lidar: Pose::IDENTITY };
-    let cameras = vec![CameraRecord { file: "image.png".into(), mask: None, camera: camera() }];
+    let cameras = vec![CameraRecord { file: "image.png".into(), mask: None, depth: None, camera: camera() }];
     Frame { lidar, cameras, boxes }
 }
 
@@ -63,6 +63,7 @@ fn view(frame: usize, time: f32) -> View {
         pinhole,
         image: RgbImage { width: WIDTH, height: HEIGHT, data: vec![0.0; WIDTH * HEIGHT * 3] },
         labels: None,
+        depth_map: None,
         depth_samples: vec![],
     }
 }

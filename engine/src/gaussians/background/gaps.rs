@@ -113,7 +113,16 @@ mod tests {
             time: 0.0,
         };
         let image = RgbImage { width: 20, height: 12, data: vec![0.5; 720] };
-        View { frame: 0, camera: "a".to_owned(), role: Role::Input, pinhole, image, labels: None, depth_samples }
+        View {
+            frame: 0,
+            camera: "a".to_owned(),
+            role: Role::Input,
+            pinhole,
+            image,
+            labels: None,
+            depth_map: None,
+            depth_samples,
+        }
     }
 
     #[test]

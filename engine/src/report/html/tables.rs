@@ -9,7 +9,10 @@ use crate::{
     pipeline::{NetworkSummary, Stage, UpdateSkipped},
     plan::word,
     predict::QuerySkipped,
-    report::metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
+    report::{
+        maps::maps_in_words,
+        metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
+    },
     views::Role,
 };
 
@@ -65,6 +68,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("frames", ranges(&config.frames)),
         ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
         ("background", word(&config.background)),
+        ("depth maps", depth_maps(page.metrics)),
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),
@@ -80,6 +84,11 @@ pub(super) fn settings(page: &Page<'_>) -> String {
     ];
     let rows: String = rows.iter().map(|(name, value)| format!("<dt>{name}</dt><dd>{value}</dd>\n")).collect();
     format!("<dl class=\"settings\">\n{rows}</dl>\n<pre>{}</pre>\n", escape(page.command))
+}
+
+/// How well the clip's depth maps fit its sweeps.
+fn depth_maps(metrics: &Metrics) -> String {
+    maps_in_words(&metrics.depth_maps).map_or("none".to_owned(), |words| escape(&words))
 }
 
 /// What the network was asked for and what it left out, as one line.

@@ -43,6 +43,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         gaussians: GaussianCounts { initial: 1200, last: 1200, background: 34, ..GaussianCounts::default() },
         network: None,
         optimisation: None,
+        depth_maps: Vec::new(),
         stages_s: StageTimes::default(),
         reconstruction_s: 0.5,
         peak_rss_mb: None,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use lgs_formats::{frame_list::FrameList, importers::Layout};
+use lgs_formats::{clip::DepthKind, frame_list::FrameList, importers::Layout};
 
 /// Bring driving data into the clip format, and look at what is in a clip.
 #[derive(Clone, Debug, PartialEq, Parser)]
@@ -46,6 +46,38 @@ pub(crate) struct Import {
     /// Name of the scene, where the folder holds several (nuScenes) [default: the only one]
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
+
+    /// Folder of masks of the own vehicle, `CAMERA.png` for all images of a camera: 8-bit grey, 0 where it is seen, else 255 [default:
+    /// none]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) masks: Option<PathBuf>,
+
+    /// Folder of depth maps, `FRAME_CAMERA.png` (16-bit grey) or `.npy` (f32), named as the clip's images are: `0000_CAMERA.png`
+    /// [default: none]
+    #[arg(long, value_name = "DIR", requires = "depth_kind")]
+    pub(crate) depth: Option<PathBuf>,
+
+    /// What the depth maps say: `metric`: depth along the camera's axis, millimetres in PNG and metres in npy files; `relative`:
+    /// inverse depth up to scale and shift, larger is nearer [default: none]
+    #[arg(long, value_enum, requires = "depth")]
+    pub(crate) depth_kind: Option<DepthArg>,
+}
+
+/// What depth maps say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DepthArg {
+    Metric,
+    Relative,
+}
+
+impl DepthArg {
+    /// The library's word for it.
+    pub(crate) const fn kind(self) -> DepthKind {
+        match self {
+            Self::Metric => DepthKind::Metric,
+            Self::Relative => DepthKind::Relative,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, clap::Args)]
@@ -120,6 +152,8 @@ mod tests {
             "import",
             "import waymo x --out y",
             "import dgp x",
+            "import dgp x --out y --depth d",
+            "import dgp x --out y --depth-kind metric",
             "import dgp x --out y --frames 5..2",
             "import dgp x --out y --frames 0..99999999999",
             "inspect",

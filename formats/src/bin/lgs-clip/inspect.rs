@@ -60,6 +60,8 @@ struct CameraReport {
     visible_share: Spread,
     distorted: bool,
     masked: bool,
+    /// What the first of its depth maps says, where it has some.
+    depth_maps: Option<&'static str>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use lgs_formats::{
     clip_dir::ClipDir,
-    importers::{self, Selection},
+    importers::{self, Additions, DepthFolder, Selection},
     program::Outcome,
 };
 
@@ -29,7 +29,9 @@ fn import(args: &Import) -> Result<Outcome> {
         cameras: args.cameras.clone(),
     };
     let source = importers::open_as(args.layout.layout(), &args.source, &selection)?;
-    importers::write(&source, &args.out)?;
+    let depth = args.depth.as_ref().zip(args.depth_kind);
+    let depth = depth.map(|(folder, arg)| DepthFolder { folder: folder.clone(), kind: arg.kind() });
+    importers::write_with(&source, &args.out, &Additions { masks: args.masks.clone(), depth })?;
     Ok(summary(&source, &args.out).into())
 }
 

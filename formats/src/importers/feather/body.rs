@@ -8,10 +8,10 @@ use super::columns::{Field, Kind};
 use crate::{
     error::Result,
     importers::{
-        numpy::Element,
         table::{Column, Named},
         values::At,
     },
+    numpy::Element,
     read::unpacked_limit,
 };
 

@@ -4,7 +4,8 @@ use arrow_ipc::{Precision, Schema, Type};
 
 use crate::{
     error::Result,
-    importers::{numpy::Element, table::Column, values::At},
+    importers::{table::Column, values::At},
+    numpy::Element,
 };
 
 /// How a column's values are stored.

@@ -8,10 +8,10 @@ use super::heap::{Call, Heap, Id, Node};
 use crate::{
     error::{FormatError, Result},
     importers::{
-        numpy::Element,
         table::{Column, Named, Table},
         values::At,
     },
+    numpy::Element,
 };
 
 /// Key of the layout of pandas until 1.2 in a block manager's state.

@@ -7,6 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_train::scenes::{
     SceneConfig, Split,
     config::MAX_EGO_DISTANCE,
+    depth_map::DepthMaps,
     export::{Export, ImageFormat},
     presets,
     rig::{CAMERA_PLACES, CameraSpec, Rig},
@@ -110,6 +111,9 @@ pub(crate) struct ScenesArgs {
     /// Writes a mask of moving pixels beside every image
     #[arg(long)]
     pub(crate) masks: bool,
+    /// Writes a depth map beside every image [default: none]
+    #[arg(long, value_enum)]
+    pub(crate) depth: Option<DepthArg>,
     /// Threads [default: all cores]; the clips do not depend on it
     #[arg(long, value_name = "N", value_parser = parse_threads)]
     pub(crate) threads: Option<usize>,
@@ -135,6 +139,24 @@ impl From<SplitArg> for Split {
             SplitArg::Train => Self::Train,
             SplitArg::Validation => Self::Validation,
             SplitArg::Test => Self::Test,
+        }
+    }
+}
+
+/// Depth maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DepthArg {
+    /// Exact, in metres
+    Metric,
+    /// Inverse, with the errors of a monocular network, its scale and shift unknown
+    Relative,
+}
+
+impl From<DepthArg> for DepthMaps {
+    fn from(arg: DepthArg) -> Self {
+        match arg {
+            DepthArg::Metric => Self::Metric,
+            DepthArg::Relative => Self::Relative,
         }
     }
 }
@@ -182,7 +204,7 @@ impl ScenesArgs {
         PlannedScene {
             config: self.overridden(config),
             dir: self.out.join(&name),
-            export: Export { name, images, masks: self.masks },
+            export: Export { name, images, masks: self.masks, depth: self.depth.map(DepthMaps::from) },
         }
     }
 

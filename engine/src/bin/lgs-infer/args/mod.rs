@@ -14,8 +14,8 @@ use lgs_engine::{
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-use values::{BackgroundArg, DensityArg, PresetArg, RefineWith, Switch, budget, rate, score, seconds};
-pub(crate) use values::{ViewsArg, word};
+use values::{BackgroundArg, DensityArg, PresetArg, RefineWith, Switch, budget, pictures, rate, score, seconds};
+pub(crate) use values::{PathArg, ViewsArg, word};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
@@ -116,7 +116,8 @@ pub(crate) struct Args {
     pub(crate) hold_out: HoldOut,
 
     /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
-    /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is (what `auto` takes)
+    /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is; `maps`: where the clip's
+    /// depth maps say it is, each brought to metres by the sweep, `depth` for images without one (what `auto` takes)
     /// [default: auto]
     #[arg(long, value_enum)]
     background: Option<BackgroundArg>,
@@ -148,8 +149,26 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) viewer: bool,
 
-    /// Draw every view at this moment, seconds since the first input sweep, instead of at its image's own; there is no
-    /// truth to measure against then [default: each image's own]
+    /// Take a film too, `path.png` (moving, for browsers) and its pictures `path/00000.png`, ...: `between-inputs`: along the input
+    /// images of one camera; or the camera path of a JSON file of format lgs-path/1 [default: none]
+    #[arg(long, value_name = "FILE|between-inputs")]
+    pub(crate) path: Option<PathArg>,
+
+    /// Pictures of the film, 1 to 10000, at even steps along the path, smooth between its places [default: 48 between inputs, one for
+    /// each pose of a file]
+    #[arg(long, value_name = "N", requires = "path", value_parser = pictures)]
+    pub(crate) path_frames: Option<usize>,
+
+    /// Camera whose input images the path goes along, and whose size and lens the film has, unless the file says [default: the first]
+    #[arg(long, value_name = "NAME", requires = "path")]
+    pub(crate) path_camera: Option<String>,
+
+    /// Pictures per second of the film [default: 12]
+    #[arg(long, value_name = "F", requires = "path", value_parser = rate)]
+    pub(crate) path_fps: Option<f32>,
+
+    /// Draw every view at this moment, seconds since the first input sweep, instead of at its image's own, and
+    /// every picture of a film; there is no truth to measure against then [default: each image's own]
     #[arg(long, value_name = "S", value_parser = seconds, allow_negative_numbers = true)]
     pub(crate) at_time: Option<f32>,
 

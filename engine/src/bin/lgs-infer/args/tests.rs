@@ -115,3 +115,16 @@ fn what_makes_no_sense_is_refused() {
         assert!(parse(line).is_err(), "{line}");
     }
 }
+
+#[test]
+fn a_film_has_a_path_and_its_own_flags_need_one() {
+    let of = |line: &str| parse(line).unwrap();
+    assert_eq!((of("c").path, of("c --path between-inputs").path), (None, Some(PathArg::BetweenInputs)));
+    let args = of("c --path p.json --path-frames 7 --path-camera A --path-fps 24");
+    assert_eq!((args.path, args.path_frames), (Some(PathArg::File("p.json".into())), Some(7)));
+    assert_eq!((args.path_camera.as_deref(), args.path_fps), (Some("A"), Some(24.0)));
+    for line in ["c --path-frames 3", "c --path-fps 3", "c --path-camera A", "c --path p --path-frames 0"] {
+        assert!(parse(line).is_err(), "{line}");
+    }
+    assert!(parse("c --path p --path-frames 10001").is_err() && parse("c --path p --path-fps 0").is_err());
+}

@@ -1,9 +1,10 @@
 //! Values of flags and how they are read.
 
-use std::str::FromStr;
+use std::{path::PathBuf, str::FromStr};
 
 use clap::ValueEnum;
 use lgs_engine::{densify::Density, gaussians::background::Mode, plan::Named};
+use lgs_formats::camera_path::MAX_POSES;
 
 /// Most steps of per-scene optimisation that may be asked for.
 const MAX_ADAM_STEPS: usize = 100_000;
@@ -70,6 +71,7 @@ pub(crate) enum BackgroundArg {
     Sky,
     Gaps,
     Depth,
+    Maps,
 }
 
 impl BackgroundArg {
@@ -81,6 +83,7 @@ impl BackgroundArg {
             Self::Sky => Mode::Sky,
             Self::Gaps => Mode::Gaps,
             Self::Depth => Mode::Depth,
+            Self::Maps => Mode::Maps,
         }
     }
 }
@@ -115,6 +118,32 @@ pub(crate) enum ViewsArg {
 /// The word that the user gives for a value.
 pub(crate) fn word(value: &impl ValueEnum) -> String {
     value.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+}
+
+/// `--path`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum PathArg {
+    /// Along the input images of a camera.
+    BetweenInputs,
+    /// As a file says.
+    File(PathBuf),
+}
+
+impl FromStr for PathArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "" => Err("expected a file or between-inputs".to_owned()),
+            "between-inputs" => Ok(Self::BetweenInputs),
+            file => Ok(Self::File(file.into())),
+        }
+    }
+}
+
+pub(super) fn pictures(text: &str) -> Result<usize, String> {
+    let count = text.parse().ok().filter(|count| (1..=MAX_POSES).contains(count));
+    count.ok_or_else(|| format!("expected 1 to {MAX_POSES} pictures, found {text:?}"))
 }
 
 pub(super) fn score(text: &str) -> Result<f32, String> {

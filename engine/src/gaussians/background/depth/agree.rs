@@ -29,17 +29,17 @@ pub(in super::super) enum Trust {
 
 /// A depth map: a view's camera, its inverse depths (1 / metres, NaN for none) and their resolution.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Map<'a> {
+pub(in super::super) struct Map<'a> {
     /// The camera.
-    pub(super) camera: &'a PinholeView,
+    pub(in super::super) camera: &'a PinholeView,
     /// `[H, W]`
-    pub(super) inverse: &'a [f32],
+    pub(in super::super) inverse: &'a [f32],
     /// Inverse depth between two labels.
-    pub(super) step: f32,
+    pub(in super::super) step: f32,
 }
 
 /// The trust in every pixel of `map`, given the maps of the views that it was matched against. `[H, W]`
-pub(super) fn trust(map: Map<'_>, others: &[Map<'_>]) -> Vec<Trust> {
+pub(in super::super) fn trust(map: Map<'_>, others: &[Map<'_>]) -> Vec<Trust> {
     let poses: Vec<RelativePose> = others.iter().map(|other| RelativePose::new(map.camera, other.camera)).collect();
     let of_pixel = |pixel: usize| {
         let inverse = map.inverse[pixel];

@@ -17,8 +17,8 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-pub(super) use self::agree::Trust;
-use self::{agree::Map, evidence::Evidence, ground::Ground, own_vehicle::Part, smooth::Choice, volume::Level};
+pub(super) use self::agree::{Map, Trust, trust};
+use self::{evidence::Evidence, ground::Ground, own_vehicle::Part, smooth::Choice, volume::Level};
 use super::Sheet;
 use crate::{
     points::PointCloud,

@@ -137,6 +137,7 @@ fn camera(clip: &Clip, swept: &[Swept], name: &str) -> Option<CameraReport> {
         visible_share: Spread::of(&shares),
         distorted: records.iter().any(|record| record.camera.distortion.is_some()),
         masked: records.iter().any(|record| record.mask.is_some()),
+        depth_maps: records.iter().find_map(|record| record.depth.as_ref()).map(|depth| depth.kind.word()),
     })
 }
 

@@ -60,5 +60,8 @@ fn of_camera(camera: &CameraReport) -> String {
             text += word;
         }
     }
+    if let Some(kind) = camera.depth_maps {
+        text += &format!(", {kind} depth maps");
+    }
     text
 }

@@ -2,15 +2,14 @@
 
 use std::path::Path;
 
-use super::values::At;
-use crate::error::Result;
+use crate::error::{FormatError, Result};
 
 /// What every `.npy` file starts with.
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
 /// Type of an array's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Element {
+pub(crate) enum Element {
     F16,
     F32,
     F64,
@@ -22,7 +21,7 @@ pub(super) enum Element {
 
 impl Element {
     /// The element type of a numpy type string such as `<f8`; `None` for big-endian and other types.
-    pub(super) fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let text = text.strip_prefix(['<', '|', '=']).unwrap_or(text);
         let size = text.get(1..)?.parse().ok().filter(|size| [1, 2, 4, 8].contains(size))?;
         match (text.get(..1)?, size) {
@@ -36,7 +35,7 @@ impl Element {
     }
 
     /// Bytes of one element.
-    pub(super) const fn size(self) -> usize {
+    pub(crate) const fn size(self) -> usize {
         match self {
             Self::F16 => 2,
             Self::F32 => 4,
@@ -46,13 +45,13 @@ impl Element {
     }
 
     /// Whether the elements are whole numbers.
-    pub(super) const fn is_integer(self) -> bool {
+    pub(crate) const fn is_integer(self) -> bool {
         matches!(self, Self::Int(_) | Self::Uint(_))
     }
 
     /// The little-endian elements of `bytes` as f64.
     #[expect(clippy::cast_precision_loss, reason = "integers of the layouts are codes below 2^53")]
-    pub(super) fn floats(self, bytes: &[u8]) -> Vec<f64> {
+    pub(crate) fn floats(self, bytes: &[u8]) -> Vec<f64> {
         match self {
             Self::F16 => bytes.as_chunks().0.iter().map(|&b| half(u16::from_le_bytes(b))).collect(),
             Self::F32 => bytes.as_chunks().0.iter().map(|&b| f64::from(f32::from_le_bytes(b))).collect(),
@@ -62,7 +61,7 @@ impl Element {
     }
 
     /// The little-endian elements of `bytes` as integers; none for floating-point elements.
-    pub(super) fn ints(self, bytes: &[u8]) -> Vec<i64> {
+    pub(crate) fn ints(self, bytes: &[u8]) -> Vec<i64> {
         let (Self::Int(size) | Self::Uint(size)) = self else { return Vec::new() };
         let wide = |chunk: &[u8]| {
             let negative = matches!(self, Self::Int(_)) && chunk.last().is_some_and(|&high| high >= 0x80);
@@ -92,33 +91,92 @@ fn half(bits: u16) -> f64 {
 
 /// A dense array of numbers, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Array {
+pub(crate) struct Array {
     /// Lengths of the axes.
-    pub(super) shape: Vec<usize>,
+    pub(crate) shape: Vec<usize>,
     /// `[product of shape]` values.
-    pub(super) values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
 }
 
-/// The array of the bytes of an `.npy` file; `file` and `name` are what errors name.
-///
-/// # Errors
-/// Bytes that are no `.npy` file, element types that are no little-endian numbers, column order, missing bytes.
-pub(super) fn parse_npy(file: &Path, name: &str, bytes: &[u8]) -> Result<Array> {
-    let at = At { file, field: name };
-    let header = header(bytes).ok_or_else(|| at.error("a numpy header", "other bytes (truncated?)"))?;
-    let element = field(header.text, "'descr':").and_then(quoted).and_then(Element::parse);
-    let element = element.ok_or_else(|| at.error("an array of little-endian numbers", format!("`{}`", header.text)))?;
-    let shape = field(header.text, "'shape':").and_then(shape);
-    let row_order = field(header.text, "'fortran_order':").is_some_and(|text| text.trim_start().starts_with("False"));
-    let (Some(shape), true) = (shape, row_order) else {
-        return Err(at.error("a shape and row order", format!("`{}`", header.text)));
-    };
-    let size = shape.iter().try_fold(element.size(), |size, &side| size.checked_mul(side));
-    if size != Some(header.data.len()) {
-        let expected = format!("{size:?} bytes of values for shape {shape:?}");
-        return Err(at.error(expected, format!("{} (truncated?)", header.data.len())));
+/// The bytes of an `.npy` file, taken apart.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Npy<'a> {
+    /// Type of the elements.
+    pub(crate) element: Element,
+    /// Lengths of the axes.
+    pub(crate) shape: Vec<usize>,
+    /// The elements, row by row.
+    pub(crate) data: &'a [u8],
+}
+
+impl<'a> Npy<'a> {
+    /// The parts of the bytes of an `.npy` file; `file` and `name` are what errors name.
+    ///
+    /// # Errors
+    /// Bytes that are no `.npy` file, element types that are no little-endian numbers, column order, missing bytes.
+    pub(crate) fn parse(file: &Path, name: &str, bytes: &'a [u8]) -> Result<Self> {
+        let npy = Self::parse_start(file, name, bytes)?;
+        let size = npy.data_size();
+        if size != Some(npy.data.len()) {
+            let size = size.map_or("too many".to_owned(), |size| size.to_string());
+            let expected = format!("{size} bytes of values for shape {:?}", npy.shape);
+            let found = format!("{} (truncated?)", npy.data.len());
+            return Err(FormatError::invalid(file, name, expected, found));
+        }
+        Ok(npy)
     }
-    Ok(Array { shape, values: element.floats(header.data) })
+
+    /// As [`Npy::parse`], of the start of a file: its data are those that are there.
+    ///
+    /// # Errors
+    /// Those of [`Npy::parse`] but for missing bytes.
+    pub(crate) fn parse_start(file: &Path, name: &str, bytes: &'a [u8]) -> Result<Self> {
+        let error = |expected: &str, found: String| FormatError::invalid(file, name, expected, found);
+        let header = header(bytes).ok_or_else(|| error("a numpy header", "other bytes (truncated?)".to_owned()))?;
+        let element = field(header.text, "'descr':").and_then(quoted).and_then(Element::parse);
+        let element =
+            element.ok_or_else(|| error("an array of little-endian numbers", format!("`{}`", header.text)))?;
+        let shape = field(header.text, "'shape':").and_then(shape);
+        let row_order =
+            field(header.text, "'fortran_order':").is_some_and(|text| text.trim_start().starts_with("False"));
+        match shape {
+            Some(shape) if row_order => Ok(Self { element, shape, data: header.data }),
+            _ => Err(error("a shape and row order", format!("`{}`", header.text))),
+        }
+    }
+
+    /// Bytes of all elements; `None` where no memory could hold them.
+    pub(crate) fn data_size(&self) -> Option<usize> {
+        self.shape.iter().try_fold(self.element.size(), |size, &side| size.checked_mul(side))
+    }
+
+    /// The values as f64.
+    pub(crate) fn array(self) -> Array {
+        Array { values: self.element.floats(self.data), shape: self.shape }
+    }
+}
+
+/// Whether bytes begin as those of an `.npy` file do.
+pub(crate) fn is_npy(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// The start of an `.npy` file of f32 in row order, whose values follow.
+///
+/// # Source
+/// `numpy.lib.format`, version 1.0: magic, version, length of the header, header; together a multiple of 64 bytes.
+pub(crate) fn header_of(shape: &[usize]) -> Vec<u8> {
+    let sides: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({},), }}", sides.join(", "));
+    let padding = 63 - (MAGIC.len() + 4 + text.len()) % 64;
+    let length = u16::try_from(text.len() + padding + 1).unwrap_or(u16::MAX);
+    let spaces = std::iter::repeat_n(b' ', padding);
+    [MAGIC.as_slice(), &[1, 0], &length.to_le_bytes(), text.as_bytes()]
+        .concat()
+        .into_iter()
+        .chain(spaces)
+        .chain([b'\n'])
+        .collect()
 }
 
 struct Header<'a> {
@@ -181,16 +239,16 @@ mod tests {
             bytes
         };
         let good = file("{'descr': '<i2', 'fortran_order': False, 'shape': (1, 2), }", &[1, 0, 2, 0]);
-        let array = parse_npy(Path::new("a.npz"), "data", &good).unwrap();
+        let array = Npy::parse(Path::new("a.npz"), "data", &good).unwrap().array();
         assert_eq!((array.shape, array.values), (vec![1, 2], vec![1.0, 2.0]));
         for end in 0..good.len() {
-            let message = parse_npy(Path::new("a.npz"), "data", &good[..end]).unwrap_err().to_string();
+            let message = Npy::parse(Path::new("a.npz"), "data", &good[..end]).unwrap_err().to_string();
             assert!(message.starts_with("a.npz: data: expected "), "{message}");
         }
         for header in ["", "{'descr': '<f8', 'fortran_order': True, 'shape': (1,)}", "{'descr': 'O', 'shape': (1,)}"] {
-            assert!(parse_npy(Path::new("a"), "data", &file(header, &[0; 8])).is_err(), "{header}");
+            assert!(Npy::parse(Path::new("a"), "data", &file(header, &[0; 8])).is_err(), "{header}");
         }
         let huge = file("{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999, 99999999999)}", &[]);
-        assert!(parse_npy(Path::new("a"), "data", &huge).is_err());
+        assert!(Npy::parse(Path::new("a"), "data", &huge).is_err());
     }
 }
