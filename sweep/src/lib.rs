@@ -29,3 +29,5 @@ pub mod csv;
 pub mod report;
 
 pub mod job;
+
+pub mod scaling;

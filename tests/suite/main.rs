@@ -7,6 +7,7 @@ mod importers;
 mod network;
 mod readme;
 mod render;
+mod scaling;
 mod structure;
 mod sweep;
 mod targetgen;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
     cases.extend(importers::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
+    cases.extend(scaling::cases());
     cases.extend(sweep::cases());
     cases.extend(viewer::cases());
     cases.extend(readme::cases());
