@@ -46,6 +46,21 @@ fn set_option(option: libc::c_int, value: libc::c_int) {
     }
 }
 
+/// Gives back what is free now. Elsewhere than with glibc nothing happens.
+pub fn trim() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    trim_arenas();
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[expect(unsafe_code, reason = "malloc_trim has no safe binding")]
+fn trim_arenas() {
+    // SAFETY: malloc_trim takes an integer, keeps no pointer, takes the allocator's own locks, and moves nothing that is in use.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 /// The largest resident memory of this process so far, in megabytes (10^6 bytes); `None` where the system does not say.
 pub fn peak_rss_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

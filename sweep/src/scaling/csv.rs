@@ -1,11 +1,14 @@
 //! `scaling.csv`: what each part cost at each size; `exponents.csv`: the laws that fit.
 
-use super::{fit::PowerLaw, record::SizeRecord, table::Row};
+use super::{
+    record::SizeRecord,
+    table::{Growth, Row},
+};
 
 /// What each part cost at each size, a line for each.
 pub(super) fn costs(rows: &[Row]) -> String {
     let mut page =
-        "axis,points,height,width,part,work,unit,seconds_median,seconds_q1,seconds_q3,memory_mb\n".to_owned();
+        "axis,points,height,width,part,units,work,seconds_median,seconds_q1,seconds_q3,memory_mb\n".to_owned();
     for row in rows {
         for point in &row.points {
             let seconds = |value: fn(&crate::statistics::Spread) -> f64| point.seconds.as_ref().map(value);
@@ -15,8 +18,8 @@ pub(super) fn costs(rows: &[Row]) -> String {
                 point.size.height.to_string(),
                 point.size.width.to_string(),
                 row.part.key().to_owned(),
-                point.work.to_string(),
-                row.unit.to_owned(),
+                row.units.join(" + "),
+                point.work.iter().take(row.units.len()).map(usize::to_string).collect::<Vec<_>>().join(" + "),
                 text(seconds(|s| s.median)),
                 text(seconds(|s| s.q1)),
                 text(seconds(|s| s.q3)),
@@ -30,19 +33,21 @@ pub(super) fn costs(rows: &[Row]) -> String {
 
 /// The laws, a line for each part along each axis.
 pub(super) fn exponents(rows: &[Row]) -> String {
-    let law = "exponent,standard_error,sizes".split(',');
+    let law = "work,exponent,standard_error,sizes".split(',');
     let names = ["time", "memory"].into_iter().flat_map(|kind| law.clone().map(move |name| format!("{kind}_{name}")));
-    let mut page = format!("axis,part,unit,{}\n", names.collect::<Vec<_>>().join(","));
-    let values = |law: Option<PowerLaw>| {
+    let mut page = format!("axis,part,{}\n", names.collect::<Vec<_>>().join(","));
+    let values = |row: &Row, growth: Growth| {
+        let law = growth.law;
         [
+            growth.unit(row.units),
             text(law.map(|law| law.exponent)),
             text(law.map(|law| law.standard_error)),
             law.map_or(String::new(), |law| law.sizes.to_string()),
         ]
     };
     for row in rows {
-        let names = [row.axis.name(), row.part.key(), row.unit].map(str::to_owned);
-        page += &([names, values(row.time), values(row.memory)].concat().join(",") + "\n");
+        let names = [row.axis.name(), row.part.key()].map(str::to_owned);
+        page += &([names.as_slice(), &values(row, row.time), &values(row, row.memory)].concat().join(",") + "\n");
     }
     page
 }

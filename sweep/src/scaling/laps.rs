@@ -66,6 +66,7 @@ impl Laps {
 
     fn restart(&self, state: &mut State) {
         if self.wanted == Wanted::Memory {
+            allocator::trim();
             state.resident_mb = allocator::reset_peak_rss().then(allocator::peak_rss_mb).flatten();
         }
         state.began = Instant::now();

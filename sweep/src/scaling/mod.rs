@@ -7,6 +7,8 @@ pub mod plan;
 
 pub mod street;
 
+pub mod fit;
+
 pub mod part;
 
 pub mod work;
@@ -16,8 +18,6 @@ pub mod laps;
 pub mod measure;
 
 pub mod record;
-
-pub mod fit;
 
 pub mod table;
 

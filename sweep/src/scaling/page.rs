@@ -66,7 +66,8 @@ fn header(page: &Page<'_>) -> String {
          images of one size, <span class=\"pixels-word\">more pixels</span> with one number of points; each size in processes of its \
          own. Times: median and quartiles of {} to {} runs after one that does not count. Memory of a part: how far resident memory \
          rises above what it was when the part begins, in a run that gives freed pages back; of the total: above what the program \
-         with its weights takes. Lines: cost = a · work<sup>b</sup>, by least squares of the logarithms over the sizes that are above \
+         with its weights takes. Work of several kinds is joined by what a unit of each costs, by least \
+         squares over all sizes. Lines: cost = a · work<sup>b</sup>, by least squares of the logarithms over the sizes that are above \
          fixed costs; b with its standard error.</p>\n<p class=\"said\">{verdict}</p>\n</header>\n",
         escape(cpu),
         escape(target),
@@ -82,7 +83,7 @@ fn named(row: &Row) -> String {
         law.filter(PowerLaw::is_steep)
             .map(|law| format!("{} of {} ({kind}, {})", row.part.key(), row.axis.name(), exponent(&law)))
     };
-    [of("time", row.time), of("memory", row.memory)].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [of("time", row.time.law), of("memory", row.memory.law)].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn section(title: &str, content: &str) -> String {
@@ -90,22 +91,36 @@ fn section(title: &str, content: &str) -> String {
 }
 
 fn law_table(rows: &[&Row]) -> String {
-    let head = ["part", "work in", "work from", "to", "seconds from", "to", "exponent", "MB from", "to", "exponent"];
+    let head = [
+        "part",
+        "work in",
+        "work from",
+        "to",
+        "seconds from",
+        "to",
+        "exponent",
+        "MB from",
+        "to",
+        "exponent",
+        "against",
+    ];
     let mut body = String::new();
     for row in rows {
         let (Some(first), Some(last)) = (row.points.first(), row.points.last()) else { continue };
         let seconds = |spread: Option<Spread>| spread.map_or("–".to_owned(), |s| format!("{:.4}", s.median));
         let memory = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.0}"));
-        body += &format!("<tr><th>{}</th><td class=\"text\">{}</td>", row.part.key(), row.unit);
+        body += &format!("<tr><th>{}</th><td class=\"text\">{}</td>", row.part.key(), row.time.unit(row.units));
+        let work = |point| thousands(&format!("{:.0}", row.time.work(point)));
         for cell in [
-            thousands(first.work),
-            thousands(last.work),
+            work(first),
+            work(last),
             seconds(first.seconds),
             seconds(last.seconds),
-            law(row.time),
+            law(row.time.law),
             memory(first.memory_mb),
             memory(last.memory_mb),
-            law(row.memory),
+            law(row.memory.law),
+            row.memory.law.map_or("–".to_owned(), |_| row.memory.unit(row.units)),
         ] {
             body += &format!("<td>{cell}</td>");
         }
@@ -141,13 +156,13 @@ fn size_table(records: &[SizeRecord]) -> String {
             |value: Option<f64>, digits: usize| value.map_or("–".to_owned(), |value| format!("{value:.digits$}"));
         body += &format!("<tr><th>{size}</th>");
         for cell in [
-            thousands(space.work.returns),
-            thousands(space.work.gaussians()),
-            thousands(space.work.sites),
-            thousands(space.work.intersections),
+            thousands(&space.work.returns.to_string()),
+            thousands(&space.work.gaussians().to_string()),
+            thousands(&space.work.sites.to_string()),
+            thousands(&space.work.intersections.to_string()),
             times.passes.len().to_string(),
             text(seconds.map(|s| s.median), 2),
-            text(Some(space.predicted_mb), 0),
+            text(Some(space.predicted_mb), 1),
             text(times.peak_rss_mb, 0),
             text(times.peak_rss_mb.map(|peak| peak / space.predicted_mb), 1),
         ] {
@@ -167,16 +182,15 @@ fn plots(rows: &[Row], cost: Cost) -> String {
     let mut all = String::new();
     for part in Part::ALL {
         let of: Vec<&Row> = rows.iter().filter(|row| row.part == part).collect();
-        let alike = of.iter().all(|row| row.unit == of[0].unit);
+        let alike = of.iter().all(|row| row.units == of[0].units);
         let groups: Vec<&[&Row]> = if alike { vec![of.as_slice()] } else { of.chunks(1).collect() };
         all += &groups.into_iter().map(|group| svg(group, cost)).collect::<String>();
     }
     format!("<div class=\"plots\">\n{all}</div>\n")
 }
 
-/// A number with blanks between thousands.
-fn thousands(value: usize) -> String {
-    let digits = value.to_string();
+/// The digits of a number with blanks between thousands.
+fn thousands(digits: &str) -> String {
     let mut text = String::new();
     for (k, digit) in digits.chars().enumerate() {
         if k > 0 && (digits.len() - k).is_multiple_of(3) {

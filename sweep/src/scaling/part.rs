@@ -3,7 +3,7 @@
 use lgs_engine::pipeline::Stage;
 use serde::{Deserialize, Serialize};
 
-use super::{plan::Axis, work::Work};
+use super::{fit::KINDS, plan::Axis, work::Work};
 
 /// A part of a run, in the order of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -104,51 +104,62 @@ impl Part {
         }
     }
 
-    /// What its work is counted in, along an axis.
-    pub const fn unit(self, axis: Axis) -> &'static str {
+    /// What its work is made of, along an axis.
+    pub const fn units(self, axis: Axis) -> &'static [&'static str] {
         match self {
-            Self::Load => "pixels + returns × cameras",
-            Self::Cloud | Self::Spacing => "returns",
-            Self::Paint => "returns × views",
-            Self::Background => "pixels + Gaussians × views",
-            Self::Backbone => "LiDAR Gaussians + pairs of sites",
-            Self::Policy => "sites",
-            Self::Query | Self::SetUpdate => "LiDAR Gaussians",
-            Self::Refine | Self::RefineRender => "(Gaussians × views + intersections) × drawings",
-            Self::RefineLoss => "pixels × drawings",
-            Self::RefineNetwork => "(Gaussians + pairs of sites) × steps",
-            Self::Render => "Gaussians × views + intersections",
-            Self::Evaluate => "pixels",
+            Self::Load => &["pixels", "returns × cameras"],
+            Self::Cloud | Self::Spacing => &["returns"],
+            Self::Paint => &["returns × views"],
+            Self::Background => &["pixels", "Gaussians × views"],
+            Self::Backbone => &["LiDAR Gaussians", "background Gaussians", "pairs of sites"],
+            Self::Query => &["LiDAR Gaussians"],
+            Self::Policy => &["LiDAR Gaussians", "sites"],
+            Self::SetUpdate => &["LiDAR Gaussians", "background Gaussians"],
+            Self::Refine => &["LiDAR Gaussians", "background Gaussians", "intersections of a view"],
+            Self::RefineRender => &["Gaussians × views × drawings", "intersections × drawings"],
+            Self::RefineLoss => &["pixels × drawings"],
+            Self::RefineNetwork => {
+                &["LiDAR Gaussians × steps", "background Gaussians × steps", "pairs of sites × steps"]
+            }
+            Self::Render => &["Gaussians × views", "intersections", "pixels"],
+            Self::Evaluate => &["pixels"],
             Self::Total => match axis {
-                Axis::Points => "returns",
-                Axis::Pixels => "pixels",
+                Axis::Points => &["returns"],
+                Axis::Pixels => &["pixels"],
             },
         }
     }
 
-    /// Its work along an axis.
-    pub const fn work(self, work: &Work, axis: Axis) -> usize {
+    /// How much there is of each of [`Part::units`]; 0 behind the last.
+    pub const fn work(self, work: &Work, axis: Axis) -> [usize; KINDS] {
         let pairs = work.pairs + work.background_pairs;
-        let drawn = work.gaussians() * work.views + work.intersections;
+        let drawn = work.gaussians() * work.views;
         match self {
-            Self::Load => work.pixels + work.returns * work.views / work.frames,
-            Self::Cloud | Self::Spacing => work.returns,
-            Self::Paint => work.returns * work.views,
-            Self::Background => work.pixels + work.gaussians() * work.views,
-            Self::Backbone => work.lidar + pairs,
-            Self::Policy => work.sites,
-            Self::Query | Self::SetUpdate => work.lidar,
-            Self::Refine | Self::RefineRender => drawn * work.drawings,
-            Self::RefineLoss => work.pixels * work.drawings,
-            Self::RefineNetwork => (work.gaussians() + pairs) * work.steps,
-            Self::Render => drawn,
-            Self::Evaluate => work.pixels,
+            Self::Load => [work.pixels, over(work.returns * work.views, work.frames), 0],
+            Self::Cloud | Self::Spacing => [work.returns, 0, 0],
+            Self::Paint => [work.returns * work.views, 0, 0],
+            Self::Background => [work.pixels, drawn, 0],
+            Self::Backbone => [work.lidar, work.background, pairs],
+            Self::Query => [work.lidar, 0, 0],
+            Self::Policy => [work.lidar, work.sites, 0],
+            Self::SetUpdate => [work.lidar, work.background, 0],
+            Self::Refine => [work.lidar, work.background, over(work.intersections, work.views)],
+            Self::RefineRender => [drawn * work.drawings, work.intersections * work.drawings, 0],
+            Self::RefineLoss => [work.pixels * work.drawings, 0, 0],
+            Self::RefineNetwork => [work.lidar * work.steps, work.background * work.steps, pairs * work.steps],
+            Self::Render => [drawn, work.intersections, work.pixels],
+            Self::Evaluate => [work.pixels, 0, 0],
             Self::Total => match axis {
-                Axis::Points => work.returns,
-                Axis::Pixels => work.pixels,
+                Axis::Points => [work.returns, 0, 0],
+                Axis::Pixels => [work.pixels, 0, 0],
             },
         }
     }
+}
+
+/// The quotient; 0 over nothing.
+const fn over(count: usize, by: usize) -> usize {
+    if by == 0 { 0 } else { count / by }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use lgs_targetgen::picture::escape;
 use super::{
     fit::PowerLaw,
     plan::Axis,
-    table::{Point, Row},
+    table::{Growth, Point, Row},
 };
 use crate::report::plot::{FRAME, Mapping, SIZE, Scale, axes};
 
@@ -35,35 +35,36 @@ impl Cost {
         }
     }
 
-    fn law(self, row: &Row) -> Option<PowerLaw> {
+    const fn of(self, row: &Row) -> Growth {
         match self {
             Self::Seconds => row.time,
             Self::Memory => row.memory,
         }
     }
 
-    fn dot(self, point: &Point) -> Option<Dot> {
+    fn dot(self, row: &Row, point: &Point) -> Option<Dot> {
+        let work = self.of(row).work(point);
         let cost = match self {
             Self::Seconds => point.seconds.map(|s| [s.q1, s.median, s.q3])?,
             Self::Memory => [point.memory_mb?; 3],
         };
         // Only what is above 0 has a place on a logarithmic axis.
-        let fits = point.work > 0 && cost[0] > 0.0;
+        let fits = work > 0.0 && cost[0] > 0.0;
         let name = format!("{}: {} {:.4}", point.size, self.label(), cost[1]);
-        fits.then_some(Dot { work: point.work as f64, cost, name })
+        fits.then_some(Dot { work, cost, name })
     }
 }
 
 /// The costs of a part along the axes that count its work alike; empty where nothing is known.
 pub(super) fn svg(rows: &[&Row], cost: Cost) -> String {
     let series: Vec<(&Row, Vec<Dot>)> =
-        rows.iter().map(|row| (*row, row.points.iter().filter_map(|point| cost.dot(point)).collect())).collect();
+        rows.iter().map(|row| (*row, row.points.iter().filter_map(|point| cost.dot(row, point)).collect())).collect();
     let dots = || series.iter().flat_map(|(_, dots)| dots);
     let Some((first, _)) = series.iter().find(|(_, dots)| !dots.is_empty()) else { return String::new() };
     let [left, right, top, bottom] = FRAME;
     let x = Mapping::new(Scale::Logarithmic, dots().map(|dot| dot.work), [left, right]);
     let y = Mapping::new(Scale::Logarithmic, dots().flat_map(|dot| dot.cost), [bottom, top]);
-    let said: Vec<String> = series.iter().filter_map(|(row, _)| Some(says(row, cost.law(row)?))).collect();
+    let said: Vec<String> = series.iter().filter_map(|(row, _)| Some(says(row, cost.of(row).law?))).collect();
     let mut svg = format!(
         "<figure class=\"plot\"><figcaption>{}{}</figcaption>\n<svg viewBox=\"0 0 {} {}\" role=\"img\">\n",
         first.part.key(),
@@ -71,11 +72,11 @@ pub(super) fn svg(rows: &[&Row], cost: Cost) -> String {
         SIZE[0],
         SIZE[1]
     );
-    svg += &axes([first.unit, cost.label()], &x, &y);
+    svg += &axes([&cost.of(first).unit(first.units), cost.label()], &x, &y);
     for (row, dots) in &series {
         let class = row.axis.name();
         let _ = writeln!(svg, "<g class=\"{class}\">");
-        if let Some(law) = cost.law(row) {
+        if let Some(law) = cost.of(row).law {
             svg += &line(&law, dots, &x, &y);
         }
         for dot in dots {

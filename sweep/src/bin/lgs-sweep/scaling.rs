@@ -81,9 +81,9 @@ fn outcome(found: &Found, out: &Path) -> Outcome {
             "more {}: exponents of time and of memory against work, above {STEEP} marked *",
             axis.name()
         );
-        for row in rows.into_iter().filter(|row| row.time.is_some() || row.memory.is_some()) {
-            let (time, memory) = (law(row.time), law(row.memory));
-            let _ = writeln!(text, "  {:<15} {time:<14} {memory:<14} {}", row.part.key(), row.unit);
+        for row in rows.into_iter().filter(|row| row.time.law.is_some() || row.memory.law.is_some()) {
+            let (time, memory) = (law(row.time.law), law(row.memory.law));
+            let _ = writeln!(text, "  {:<15} {time:<14} {memory:<14} {}", row.part.key(), row.time.unit(row.units));
         }
     }
     let _ = writeln!(text, "  to look at  {}", out.join("scaling.html").display());
