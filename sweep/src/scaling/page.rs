@@ -120,11 +120,11 @@ fn law_table(rows: &[&Row]) -> String {
             memory(first.memory_mb),
             memory(last.memory_mb),
             law(row.memory.law),
-            row.memory.law.map_or("–".to_owned(), |_| row.memory.unit(row.units)),
         ] {
             body += &format!("<td>{cell}</td>");
         }
-        body += "</tr>\n";
+        let against = row.memory.law.map_or("–".to_owned(), |_| row.memory.unit(row.units));
+        body += &format!("<td class=\"text\">{against}</td></tr>\n");
     }
     table(&head, &body)
 }

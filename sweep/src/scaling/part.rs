@@ -131,7 +131,7 @@ impl Part {
     }
 
     /// How much there is of each of [`Part::units`]; 0 behind the last.
-    pub const fn work(self, work: &Work, axis: Axis) -> [usize; KINDS] {
+    pub fn work(self, work: &Work, axis: Axis) -> [usize; KINDS] {
         let pairs = work.pairs + work.background_pairs;
         let drawn = work.gaussians() * work.views;
         match self {
@@ -158,8 +158,8 @@ impl Part {
 }
 
 /// The quotient; 0 over nothing.
-const fn over(count: usize, by: usize) -> usize {
-    if by == 0 { 0 } else { count / by }
+fn over(count: usize, by: usize) -> usize {
+    count.checked_div(by).unwrap_or(0)
 }
 
 #[cfg(test)]
