@@ -37,7 +37,7 @@ pub(crate) struct ScalingArgs {
 
     /// Numbers of LiDAR points, of clips with images of --fixed-image-size
     #[arg(
-        long, value_name = "A,B", value_delimiter = ',', requires = "scaling", value_parser = points(),
+        long, value_name = "A,B", value_delimiter = ',', requires = "scaling", conflicts_with = "clips", value_parser = points(),
         default_value = "10000,30000,100000,300000,1000000,2000000"
     )]
     points: Vec<u32>,
@@ -48,24 +48,25 @@ pub(crate) struct ScalingArgs {
         value_name = "HxW,HxW",
         value_delimiter = ',',
         requires = "scaling",
+        conflicts_with = "clips",
         default_value = "128x256,256x512,540x960,1080x1920"
     )]
     image_sizes: Vec<ImageSize>,
 
     /// Number of LiDAR points of the clips whose images grow
-    #[arg(long, value_name = "N", requires = "scaling", value_parser = points(), default_value = "100000")]
+    #[arg(long, value_name = "N", requires = "scaling", conflicts_with = "clips", value_parser = points(), default_value = "100000")]
     fixed_points: u32,
 
     /// Size of the images of the clips whose points grow
-    #[arg(long, value_name = "HxW", requires = "scaling", default_value = "256x512")]
+    #[arg(long, value_name = "HxW", requires = "scaling", conflicts_with = "clips", default_value = "256x512")]
     fixed_image_size: ImageSize,
 
     /// What this program starts itself with: a clip whose times are to be found out, for one line of JSON
-    #[arg(long, value_name = "DIR", requires = "scaling", hide = true)]
+    #[arg(long, value_name = "DIR", requires = "scaling", conflicts_with = "clips", hide = true)]
     pub(crate) times_of: Option<PathBuf>,
 
     /// The same for what it needs
-    #[arg(long, value_name = "DIR", requires = "scaling", conflicts_with = "times_of", hide = true)]
+    #[arg(long, value_name = "DIR", requires = "scaling", conflicts_with_all = ["clips", "times_of"], hide = true)]
     pub(crate) space_of: Option<PathBuf>,
 }
 
