@@ -77,7 +77,8 @@ pub fn reset_peak_rss() -> bool {
 pub fn available_bytes() -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let free = text("/proc/meminfo").and_then(|page| kibibytes_of(&page, "MemAvailable:"));
-    let space = text("/proc/self/limits").and_then(|page| address_space(&page));
+    let used = text("/proc/self/status").and_then(|page| kibibytes_of(&page, "VmSize:")).unwrap_or(0);
+    let space = text("/proc/self/limits").and_then(|page| address_space(&page)).map(|limit| limit.saturating_sub(used));
     let group = text("/sys/fs/cgroup/memory.max").and_then(|page| page.trim().parse().ok());
     [free, space, group].into_iter().flatten().min()
 }

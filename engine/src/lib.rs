@@ -34,4 +34,6 @@ pub mod export;
 
 pub mod pipeline;
 
+pub mod plan;
+
 pub mod report;

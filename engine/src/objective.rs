@@ -56,7 +56,7 @@ pub struct Objective {
 }
 
 /// What is computed beside the loss.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// The loss gradient.
     pub gradient: bool,

@@ -1,8 +1,9 @@
 //! The learned refinement: render, loss, gradient, network, update, a few times over.
 
 pub mod adam;
+mod turns;
 
-use std::time::Instant;
+use std::{borrow::Cow, time::Instant};
 
 use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
@@ -15,7 +16,29 @@ use crate::network::model::FoldedModel;
 use crate::network::normalise::add_residuals;
 use crate::network::pass::{FoldedPass, gather, with_own};
 use crate::objective::{Objective, Wanted, objective_with};
-use crate::views::View;
+use crate::views::{View, at_factor};
+
+pub use turns::Turns;
+
+/// How far a refinement goes, and what its steps look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RefineSettings {
+    /// Steps.
+    pub steps: usize,
+    /// Views that a step looks at.
+    pub turns: Turns,
+    /// How many times smaller in width and height the images are that it looks at.
+    pub reduce: usize,
+    /// No step begins, after the first, that would probably end later than this; `None` for no limit.
+    pub until: Option<Instant>,
+}
+
+impl From<usize> for RefineSettings {
+    /// So many steps over all of the views.
+    fn from(steps: usize) -> Self {
+        Self { steps, turns: Turns::default(), reduce: 1, until: None }
+    }
+}
 
 /// What a refinement did, and what it left out because the scene did not need it.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
@@ -78,9 +101,9 @@ impl Pyramid {
 /// Refines the scene in place over the input views.
 ///
 /// # Formula
-/// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. A step after which the loss over the views
-/// has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than its start. A step that
-/// changes nothing ends the loop without being measured.
+/// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. Where every step looks at all views, a step
+/// after which their loss has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than
+/// its start. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
 ///
 /// # Gradient
 /// The loss gradients are inputs of the network and constants.
@@ -91,10 +114,10 @@ pub fn refine(
     set: &mut GaussianSet,
     views: &[&View],
     model: &FoldedModel,
-    steps: usize,
+    settings: impl Into<RefineSettings>,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
-    refine_and_show(set, views, model, steps, |_| progress())
+    refine_and_show(set, views, model, settings, |_| progress())
 }
 
 /// As [`refine`]; `show` is given the scene after every step that was kept.
@@ -105,18 +128,25 @@ pub fn refine_and_show(
     set: &mut GaussianSet,
     views: &[&View],
     model: &FoldedModel,
-    steps: usize,
+    settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
 ) -> Result<RefineSummary> {
+    let RefineSettings { steps, turns, reduce, until } = settings.into();
     let mut summary = RefineSummary::default();
     let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(summary);
     }
     set.check_finite()?;
+    let reduced = at_factor(views, reduce);
+    let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
     let guidance = model.config.guidance;
-    let mut current = measured(set, views, guidance, &mut summary);
-    for _ in 0..steps {
+    let judged = turns.take_all(views.len());
+    let mut carried = None;
+    for index in 0..steps {
+        let begun = Instant::now();
+        let chosen = turns.of_step(index, &views);
+        let mut current = carried.take().unwrap_or_else(|| measured(set, &chosen, wanted(guidance), &mut summary));
         let before = set.clone();
         summary.non_finite_gradients += silence_guide(&mut current, guidance);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
@@ -129,25 +159,31 @@ pub fn refine_and_show(
             summary.stopped_early = true;
             break;
         }
-        let after = measured(set, views, guidance, &mut summary);
-        // Written so that a loss that is not a number counts as no gain.
-        let fell = after.loss < current.loss;
-        if !fell {
-            *set = before;
-            summary.stopped_early = true;
-            break;
+        if judged {
+            let next = if index + 1 < steps { wanted(guidance) } else { Wanted::default() };
+            let after = measured(set, &chosen, next, &mut summary);
+            // Written so that a loss that is not a number counts as no gain.
+            let fell = after.loss < current.loss;
+            if !fell {
+                *set = before;
+                summary.stopped_early = true;
+                break;
+            }
+            carried = Some(after);
         }
         summary.steps += 1;
         show(set);
-        current = after;
+        if until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
+            break;
+        }
     }
     summary.pyramids_kept = pyramids[0].reused;
     Ok(summary)
 }
 
 /// The objective, noted in the summary.
-fn measured(set: &GaussianSet, views: &[&View], guidance: Guidance, summary: &mut RefineSummary) -> Objective {
-    let found = objective_with(set, views, &LossWeights::default(), wanted(guidance));
+fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut RefineSummary) -> Objective {
+    let found = objective_with(set, views, &LossWeights::default(), wanted);
     summary.losses.push(found.loss);
     summary.seconds.render += found.seconds.render;
     summary.seconds.loss += found.seconds.loss;

@@ -1,19 +1,17 @@
 //! `points.csv`: one line for every configuration of every clip.
 
-use super::{
-    setting::{Refiner, word},
-    table::Row,
-};
+use super::{setting::word, table::Row};
 
-const HEAD: [&str; 27] = [
+const HEAD: [&str; 28] = [
     "clip",
     "name",
     "weights",
     "weights_sha256",
     "background",
-    "refine_with",
-    "steps",
-    "adam_views",
+    "refine_steps",
+    "adam_steps",
+    "refine_views",
+    "refine_reduce",
     "query",
     "density",
     "theta",
@@ -63,19 +61,17 @@ fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     let network = row.setting.network.as_ref();
     let of_network = |text: &dyn Fn(&super::setting::Network) -> String| network.map_or(String::new(), text);
-    let (refiner, views) = match row.setting.refiner {
-        Refiner::Learned { .. } => ("learned", None),
-        Refiner::Adam { views, .. } => ("adam", views),
-    };
+    let refine = row.setting.refine;
     [
         clip.to_owned(),
         row.name.clone(),
         of_network(&|network| network.weights.name.clone()),
         of_network(&|network| network.weights.sha256.clone()),
         word(&row.setting.background),
-        refiner.to_owned(),
-        row.setting.steps().to_string(),
-        views.map_or(String::new(), |views| views.to_string()),
+        of_network(&|_| refine.learned.to_string()),
+        refine.adam.to_string(),
+        refine.views.map_or(String::new(), |views| views.to_string()),
+        refine.reduce.to_string(),
         of_network(&|network| word(&network.query)),
         of_network(&|network| word(&network.density)),
         of_network(&|network| network.theta.to_string()),

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 
-use super::setting::{Background, DensityBy, Network, Refiner, Setting, Switch, THETA, Weights};
+use super::setting::{Background, DensityBy, Network, Refine, Setting, Switch, THETA, Weights};
 
 /// What is tried along each axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,8 +21,12 @@ pub struct Axes {
     pub max_gaussians: Vec<Option<usize>>,
     /// Numbers of steps of per-scene optimisation from the initial Gaussians.
     pub adam: Vec<usize>,
-    /// Views that a step of it looks at; `None` for all.
-    pub adam_views: Vec<Option<NonZeroUsize>>,
+    /// Numbers of steps of per-scene optimisation after the learned refinement.
+    pub then_adam: Vec<usize>,
+    /// Views that a step of a refinement looks at; `None` for all.
+    pub refine_views: Vec<Option<NonZeroUsize>>,
+    /// How many times smaller in width and height the images are that a step looks at.
+    pub refine_reduce: Vec<usize>,
 }
 
 /// Weights, and which of the optional parts their model has.
@@ -36,7 +40,7 @@ pub struct Parts {
     pub policy: bool,
 }
 
-/// Configurations that one run of the pipeline passes through: a single one, or per-scene optimisation after ascending numbers of steps.
+/// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// Which of the networks it uses; `None` for none.
@@ -52,42 +56,47 @@ impl Run {
     }
 }
 
-/// The runs that come to every configuration of the grid once: what a model has no part for is not told apart.
+/// The runs that come to every configuration of the grid once: what a model has no part for is not told apart, and what a refinement looks
+/// at is not where there is none.
 pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
+    let mut add = |index: Option<usize>, of: &dyn Fn(Refine) -> Setting, learned: &[usize], adam: &[usize]| {
+        for &learned in learned {
+            for refines in refinements(axes, learned, adam) {
+                let run = Run { network: index, settings: refines.into_iter().map(of).collect() };
+                if !run.settings.is_empty() && !runs.contains(&run) {
+                    runs.push(run);
+                }
+            }
+        }
+    };
     for &background in &axes.background {
         for (index, model) in models.iter().enumerate() {
             for network in networks(axes, model) {
-                let settings = axes.refine_steps.iter().map(|&steps| Setting {
-                    background,
-                    network: Some(network.clone()),
-                    refiner: Refiner::Learned { steps },
-                });
-                let new = settings.map(|setting| Run { network: Some(index), settings: vec![setting] });
-                push_new(&mut runs, new);
+                let of = |refine| Setting { background, network: Some(network.clone()), refine };
+                add(Some(index), &of, &axes.refine_steps, &axes.then_adam);
             }
         }
-        let mut marks = axes.adam.clone();
-        marks.sort_unstable();
-        marks.dedup();
-        if marks.is_empty() {
-            continue;
-        }
-        let reference = axes.adam_views.iter().map(|&views| {
-            let of = |&steps: &usize| Setting { background, network: None, refiner: Refiner::Adam { steps, views } };
-            Run { network: None, settings: marks.iter().map(of).collect() }
-        });
-        push_new(&mut runs, reference);
+        add(None, &|refine| Setting { background, network: None, refine }, &[0], &axes.adam);
     }
     runs
 }
 
-fn push_new(runs: &mut Vec<Run>, new: impl Iterator<Item = Run>) {
-    for run in new {
-        if !runs.contains(&run) {
-            runs.push(run);
+/// The refinements after so many learned steps, those of one run together.
+fn refinements(axes: &Axes, learned: usize, adam: &[usize]) -> Vec<Vec<Refine>> {
+    let mut marks = adam.to_vec();
+    marks.sort_unstable();
+    marks.dedup();
+    let whole = Refine { learned, adam: 0, views: None, reduce: 1 };
+    let (mut all, mut unrefined) = (Vec::new(), (learned == 0 && marks.first() == Some(&0)).then_some(whole));
+    for &views in &axes.refine_views {
+        for &reduce in &axes.refine_reduce {
+            let refines = marks.iter().filter(|&&adam| learned + adam > 0);
+            let refines = refines.map(|&adam| Refine { learned, adam, views, reduce });
+            all.push(unrefined.take().into_iter().chain(refines).collect());
         }
     }
+    all
 }
 
 /// The ways to use a model that differ.
@@ -128,7 +137,9 @@ mod tests {
             theta: vec![0.5, 0.7],
             max_gaussians: vec![None, Some(100)],
             adam: vec![30, 10, 10],
-            adam_views: vec![None],
+            then_adam: vec![0],
+            refine_views: vec![None],
+            refine_reduce: vec![1],
         }
     }
 
@@ -151,5 +162,27 @@ mod tests {
         assert_eq!(all.len(), 2);
         assert_eq!(all[0].settings.iter().map(Setting::steps).collect::<Vec<_>>(), [10, 30]);
         assert!(runs(&Axes { adam: Vec::new(), ..axes() }, &[]).is_empty());
+    }
+
+    #[test]
+    fn what_a_refinement_looks_at_is_told_apart_where_there_is_one() {
+        let axes = Axes {
+            background: vec![Background::Auto],
+            query: vec![Switch::On],
+            density: vec![DensityBy::Off],
+            adam: Vec::new(),
+            then_adam: vec![10, 0],
+            refine_reduce: vec![1, 2],
+            ..axes()
+        };
+        let all = runs(&axes, &[model(true, false)]);
+        let of = |reduce, steps: &[[usize; 2]]| -> Vec<Refine> {
+            steps.iter().map(|&[learned, adam]| Refine { learned, adam, views: None, reduce }).collect()
+        };
+        let found: Vec<Vec<Refine>> =
+            all.iter().map(|run| run.settings.iter().map(|setting| setting.refine).collect()).collect();
+        // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
+        let unrefined_first = [of(1, &[[0, 0]]), of(1, &[[0, 10]])].concat();
+        assert_eq!(found, [unrefined_first, of(2, &[[0, 10]]), of(1, &[[3, 0], [3, 10]]), of(2, &[[3, 0], [3, 10]])]);
     }
 }

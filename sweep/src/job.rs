@@ -6,23 +6,19 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use lgs_engine::{network::source::LoadedModel, pipeline::Inputs};
 use lgs_formats::{clip_dir::ClipDir, digest::sha256, write::write_atomic};
 use lgs_train::ablate::{choice::Choice, record::file_stem, subject::open};
-use serde::Serialize;
 
 use super::{
-    case::{Case, Work},
-    csv::{Table, csv},
+    case::Case,
     error::{Result, SweepError},
     grid::Run,
     machine::Machine,
     measure::{Bench, Judged},
+    pages::Pages,
     record::{CLIP_FORMAT, Causes, ClipRecord, Failed, Folders, PointRecord},
-    report::{Chapter, Page, html},
     setting::{Setting, Weights},
-    table::{Row, mean_rows, rows},
+    table::Row,
 };
 
-/// The value of `format` in `sweep.json`.
-pub const FORMAT: &str = "lgs-sweep/1";
 /// Digits of a configuration's hash in the names of files.
 const DIGITS: usize = 12;
 
@@ -74,30 +70,6 @@ pub struct Found {
     pub failed: Vec<Failed>,
 }
 
-/// `sweep.json`.
-#[derive(Serialize)]
-struct Whole<'a> {
-    format: &'static str,
-    machine: &'a Machine,
-    weights: Vec<&'a Weights>,
-    lpips: Option<&'a str>,
-    seed: u64,
-    clips: Vec<OfClip<'a>>,
-    mean: &'a [Row],
-    failed: &'a [Failed],
-}
-
-/// A clip in `sweep.json`.
-#[derive(Serialize)]
-struct OfClip<'a> {
-    clip: &'a str,
-    source: &'a str,
-    work: &'a Work,
-    load_s: Option<f64>,
-    rows: &'a [Row],
-    points: Vec<&'a PointRecord>,
-}
-
 /// A clip that is being measured.
 struct Current<'a> {
     index: usize,
@@ -139,6 +111,7 @@ impl Job<'_> {
         let cases: Vec<Case<'_>> =
             dirs.iter().zip(&self.clips).map(|(dir, choice)| Case::new(dir, choice)).collect::<Result<_>>()?;
         let folders = Folders::make(&self.out)?;
+        let settings: Vec<Setting> = self.runs.iter().flat_map(|run| run.settings.clone()).collect();
         let (mut records, mut found) = (Vec::new(), Found::default());
         for (index, (dir, case)) in dirs.iter().zip(&cases).enumerate() {
             observer.begin(&dir.clip().name);
@@ -146,7 +119,7 @@ impl Job<'_> {
             self.judge_all(&mut current, &folders, &mut found.failed, observer)?;
             self.time_all(&mut current, &mut found.failed, observer)?;
             records.push(current.record);
-            found.tables = self.write(&records, &found.failed)?;
+            found.tables = self.pages(&settings).write(&records, &found.failed)?;
         }
         Ok(found)
     }
@@ -249,71 +222,9 @@ impl Job<'_> {
         Ok(())
     }
 
-    /// Every configuration once, in the order of the grid.
-    fn settings(&self) -> Vec<Setting> {
-        self.runs.iter().flat_map(|run| run.settings.clone()).collect()
-    }
-
-    /// The command that runs a configuration on a clip.
-    fn command(&self, choice: &Choice, setting: &Setting) -> String {
-        let mut words = vec!["lgs-infer".to_owned(), choice.dir.display().to_string()];
-        let named =
-            setting.network.as_ref().and_then(|n| self.weights.iter().find(|(weights, _)| *weights == n.weights));
-        words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
-        words.extend(setting.flags());
-        words.push(format!("--hold-out {}", choice.hold_out));
-        words.extend(choice.cameras.as_ref().map(|cameras| format!("--cameras {}", cameras.join(","))));
-        words.extend(choice.image_size.map(|size| format!("--image-size {size}")));
-        words.extend(choice.num_frames.map(|count| format!("--frames 0..{}", count.saturating_sub(1))));
-        words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
-        words.join(" ")
-    }
-
-    /// Writes the pages of what was found so far; the rows of each clip.
-    fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<(String, Vec<Row>)>> {
-        let settings = self.settings();
-        let tables: Vec<Vec<Row>> = records.iter().map(|record| rows(record, &settings)).collect();
-        let mean = if tables.len() > 1 { mean_rows(&tables) } else { Vec::new() };
-        let commands: Vec<Vec<String>> = tables
-            .iter()
-            .zip(&self.clips)
-            .map(|(rows, choice)| rows.iter().map(|row| self.command(choice, &row.setting)).collect())
-            .collect();
-        let named = records.iter().zip(&tables).zip(&commands);
-        let lines: Vec<Table<'_>> =
-            named.map(|((record, rows), commands)| Table { clip: &record.clip, rows, commands }).collect();
-        let put = |name: &str, text: &str| write_atomic(&self.out.join(name), text.as_bytes());
-        put("points.csv", &csv(&lines))?;
-        let clips = records.iter().zip(&tables).map(|(record, rows)| OfClip {
-            clip: &record.clip,
-            source: &record.causes.source,
-            work: &record.work,
-            load_s: record.load_s,
-            rows,
-            points: settings.iter().filter_map(|setting| record.point(setting)).collect(),
-        });
-        let whole = Whole {
-            format: FORMAT,
-            machine: &self.machine,
-            weights: self.weights.iter().map(|(weights, _)| weights).collect(),
-            lpips: self.lpips.as_deref(),
-            seed: self.seed,
-            clips: clips.collect(),
-            mean: &mean,
-            failed,
-        };
-        let json =
-            serde_json::to_string_pretty(&whole).map_err(|source| SweepError::Json { what: "sweep.json", source })?;
-        let chapters: Vec<Chapter<'_>> = records
-            .iter()
-            .zip(&tables)
-            .zip(&commands)
-            .map(|((record, rows), commands)| Chapter { record, rows, commands })
-            .collect();
-        let page = Page { machine: &self.machine, chapters: &chapters, mean: &mean, out: &self.out, failed };
-        put("report.html", &html(&page)?)?;
-        put("sweep.json", &(json + "\n"))?;
-        Ok(records.iter().zip(tables).map(|(record, rows)| (record.clip.clone(), rows)).collect())
+    fn pages<'p>(&'p self, settings: &'p [Setting]) -> Pages<'p> {
+        let Self { clips, weights, seed, machine, out, .. } = self;
+        Pages { clips, settings, weights, lpips: self.lpips.as_deref(), seed: *seed, machine, out }
     }
 }
 

@@ -28,6 +28,10 @@ pub mod csv;
 
 pub mod report;
 
+pub mod presets;
+
+pub mod pages;
+
 pub mod job;
 
 pub mod scaling;

@@ -1,6 +1,6 @@
 //! Runs of a configuration through the pipeline, as `lgs-infer` goes through it: once for what it is worth, often for what it costs.
 
-use std::{collections::BTreeMap, time::Instant};
+use std::{borrow::Cow, collections::BTreeMap, time::Instant};
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use lgs_engine::{
@@ -12,8 +12,11 @@ use lgs_engine::{
     pipeline::{
         GaussianCounts, Inputs, NetworkSettings, Reconstruction, Silent, Stage, StageTimes, Watch, reconstruct,
     },
-    refine::adam::{Adam, AdamSettings},
-    views::View,
+    refine::{
+        RefineSettings, Turns,
+        adam::{Adam, AdamSettings},
+    },
+    views::{View, at_factor},
 };
 use lgs_train::ablate::record::Means;
 use serde::{Deserialize, Serialize};
@@ -22,7 +25,7 @@ use super::{
     case::{Case, Verdict, Work},
     error::{Result, SweepError},
     grid::Run,
-    setting::{Refiner, Setting, Switch},
+    setting::{Refine, Setting, Switch},
 };
 
 /// What configurations are run on.
@@ -131,9 +134,7 @@ impl Bench<'_> {
         let mut short = run.clone();
         short.settings.truncate(1);
         for setting in &mut short.settings {
-            if let Refiner::Adam { steps, .. } = &mut setting.refiner {
-                *steps = 1.min(*steps);
-            }
+            setting.refine.adam = setting.refine.adam.min(1);
         }
         self.pass(&short, &mut |_, _| ())
     }
@@ -144,13 +145,7 @@ impl Bench<'_> {
         let mut watch = Watch::new(&Silent);
         let network = self.network(run, last)?;
         let mut made = reconstruct(self.inputs, last.background.mode(), network.as_ref(), &mut watch)?;
-        match last.refiner {
-            Refiner::Learned { .. } => show(&made, &watch.times),
-            Refiner::Adam { views, .. } => {
-                let settings = AdamSettings { views_per_step: views, seed: self.seed, ..AdamSettings::default() };
-                self.optimise(&mut made, (run, settings), &mut watch, show);
-            }
-        }
+        self.optimise(&mut made, run, last.refine, &mut watch, show);
         Ok(())
     }
 
@@ -158,26 +153,41 @@ impl Bench<'_> {
     fn optimise(
         &self,
         made: &mut Reconstruction,
-        (run, settings): (&Run, AdamSettings),
+        run: &Run,
+        refine: Refine,
         watch: &mut Watch<'_>,
         show: &mut dyn FnMut(&Reconstruction, &StageTimes),
     ) {
-        let steps = run.settings.last().map_or(0, Setting::steps);
+        let is_mark = |steps: usize| run.settings.iter().any(|setting| setting.refine.adam == steps);
+        if is_mark(0) {
+            show(made, &watch.times);
+        }
+        if refine.adam == 0 {
+            return;
+        }
         let start = Instant::now();
-        let views: Vec<&View> = self.inputs.views().iter().collect();
+        let full: Vec<&View> = self.inputs.views().iter().collect();
+        let reduced = watch.time(Stage::Refine, |_| at_factor(&full, refine.reduce));
+        let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
+        let settings = AdamSettings { turns: self.turns(refine), ..AdamSettings::default() };
         let mut adam = Adam::new(made.scene.len(), settings);
-        made.seconds += start.elapsed().as_secs_f64();
-        for done in 0..=steps {
-            if done > 0 {
-                let start = Instant::now();
-                watch.time(Stage::Refine, |_| adam.step(&mut made.scene, &views));
-                watch.times.refine = Some(adam.summary().seconds);
-                made.seconds += start.elapsed().as_secs_f64();
-            }
-            if run.settings.iter().any(|setting| setting.steps() == done) {
+        let (before, network) = (made.seconds + start.elapsed().as_secs_f64(), watch.times.refine);
+        let mut steps_s = 0.0;
+        for done in 1..=refine.adam {
+            let start = Instant::now();
+            watch.time(Stage::Refine, |_| adam.step(&mut made.scene, &views));
+            steps_s += start.elapsed().as_secs_f64();
+            if is_mark(done) {
+                watch.times.refine = network;
+                watch.times.add_refine(adam.summary().seconds);
+                made.seconds = before + steps_s;
                 show(made, &watch.times);
             }
         }
+    }
+
+    const fn turns(&self, refine: Refine) -> Turns {
+        Turns { views_per_step: refine.views, seed: self.seed }
     }
 
     fn network(&self, run: &Run, setting: &Setting) -> Result<Option<NetworkSettings<'_>>> {
@@ -186,9 +196,10 @@ impl Bench<'_> {
         let Some(loaded) = loaded.filter(|loaded| loaded.digest == network.weights.sha256) else {
             return Err(SweepError::setting("--weights", format!("those of {}", setting.name()), "others"));
         };
+        let refine = setting.refine;
         Ok(Some(NetworkSettings {
             model: &loaded.model,
-            refine_steps: if let Refiner::Learned { steps } = setting.refiner { steps } else { 0 },
+            refine: RefineSettings { turns: self.turns(refine), reduce: refine.reduce, ..refine.learned.into() },
             query: network.query == Switch::On,
             density: network.density.density(),
             thresholds: Thresholds { prune: network.theta, add: network.theta },

@@ -76,22 +76,18 @@ pub struct Network {
     pub max_gaussians: Option<usize>,
 }
 
-/// Who refines.
+/// How a scene is refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Refiner {
-    /// The network.
-    Learned {
-        /// Steps.
-        steps: usize,
-    },
-    /// Per-scene optimisation.
-    Adam {
-        /// Steps.
-        steps: usize,
-        /// Input views that a step looks at; `None` for all.
-        views: Option<NonZeroUsize>,
-    },
+#[serde(deny_unknown_fields)]
+pub struct Refine {
+    /// Steps of the network; 0 without one.
+    pub learned: usize,
+    /// Steps of per-scene optimisation after them.
+    pub adam: usize,
+    /// Input views that a step looks at; `None` for all.
+    pub views: Option<NonZeroUsize>,
+    /// How many times smaller in width and height the images are that a step looks at.
+    pub reduce: usize,
 }
 
 /// One configuration of a reconstruction.
@@ -102,8 +98,8 @@ pub struct Setting {
     pub background: Background,
     /// How the network is used; `None` without one.
     pub network: Option<Network>,
-    /// Who refines.
-    pub refiner: Refiner,
+    /// How it is refined.
+    pub refine: Refine,
 }
 
 impl Background {
@@ -141,21 +137,15 @@ impl Setting {
         self.network.is_none()
     }
 
-    /// Whether it is the same as another but for the number of steps.
+    /// Whether it is the same as another but for the steps of per-scene optimisation.
     pub fn differs_in_steps_only(&self, other: &Self) -> bool {
-        let same_refiner = match (self.refiner, other.refiner) {
-            (Refiner::Learned { .. }, Refiner::Learned { .. }) => true,
-            (Refiner::Adam { views, .. }, Refiner::Adam { views: others, .. }) => views == others,
-            _ => false,
-        };
-        same_refiner && self.background == other.background && self.network == other.network
+        let adam = self.refine.adam;
+        *self == Self { refine: Refine { adam, ..other.refine }, ..other.clone() }
     }
 
-    /// Steps of whoever refines.
+    /// Steps of both refinements.
     pub const fn steps(&self) -> usize {
-        match self.refiner {
-            Refiner::Learned { steps } | Refiner::Adam { steps, .. } => steps,
-        }
+        self.refine.learned + self.refine.adam
     }
 
     /// A text that tells it from every other.
@@ -169,13 +159,11 @@ impl Setting {
     /// The words of `lgs-infer` that ask for it, `--weights` left out.
     pub fn flags(&self) -> Vec<String> {
         let mut flags = vec![format!("--background {}", word(&self.background))];
-        match self.refiner {
-            Refiner::Learned { steps } => flags.push(format!("--refine-steps {steps}")),
-            Refiner::Adam { steps, views } => {
-                flags.push(format!("--refine-with adam:{steps}"));
-                flags.extend(views.map(|views| format!("--adam-views {views}")));
-            }
-        }
+        let Refine { learned, adam, views, reduce } = self.refine;
+        flags.extend(self.network.is_some().then(|| format!("--refine-steps {learned}")));
+        flags.extend((adam > 0 || self.network.is_none()).then(|| format!("--refine-with adam:{adam}")));
+        flags.extend(views.map(|views| format!("--refine-views {views}")));
+        flags.extend((reduce > 1).then(|| format!("--refine-reduce {reduce}")));
         if let Some(network) = &self.network {
             flags.push(format!("--query {}", word(&network.query)));
             flags.push(format!("--density {}", word(&network.density)));
@@ -191,14 +179,12 @@ impl Setting {
     pub fn name(&self) -> String {
         let mut parts = Vec::new();
         parts.extend(self.network.as_ref().map(|network| network.weights.name.clone()));
-        match self.refiner {
-            Refiner::Learned { steps: 1 } => parts.push("1 step".to_owned()),
-            Refiner::Learned { steps } => parts.push(format!("{steps} steps")),
-            Refiner::Adam { steps, views } => {
-                let of = views.map_or(String::new(), |views| format!(" of {views} views"));
-                parts.push(format!("Adam {steps}{of}"));
-            }
-        }
+        let Refine { learned, adam, views, reduce } = self.refine;
+        let plural = if learned == 1 { "" } else { "s" };
+        parts.extend(self.network.is_some().then(|| format!("{learned} step{plural}")));
+        parts.extend((adam > 0 || self.network.is_none()).then(|| format!("Adam {adam}")));
+        parts.extend(views.map(|views| format!("{views} views a step")));
+        parts.extend((reduce > 1).then(|| format!("images 1/{reduce}")));
         if let Some(network) = &self.network {
             parts.extend((network.query == Switch::Off).then(|| "no query".to_owned()));
             match network.density {

@@ -31,8 +31,8 @@ const REFINE: [&str; 7] =
     ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients", "non_finite_outputs"];
 const REFINE_STAGES: [&str; 3] = ["refine_render", "refine_loss", "refine_network"];
 const GAUSSIANS: [&str; 5] = ["initial", "pruned", "added", "final", "background"];
-const STAGES: [&str; 9] =
-    ["load", "points", "backbone", "query", "policy", "set_update", "refine", "render", "evaluate"];
+const STAGES: [&str; 10] =
+    ["load", "points", "background", "backbone", "query", "policy", "set_update", "refine", "render", "evaluate"];
 
 /// The `metrics.json` of an output directory.
 ///

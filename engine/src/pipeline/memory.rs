@@ -5,6 +5,7 @@ use lgs_formats::{clip_dir::ClipDir, sweep::count_returns};
 use crate::{
     allocator::available_bytes,
     error::{EngineError, Result},
+    network::{config::ModelConfig, guide::refine_inputs},
     views::Selection,
 };
 
@@ -14,6 +15,12 @@ const IMAGE_PIXEL: u64 = 12;
 const DRAWN_PIXEL: u64 = 4 * (6 + 5 + 3);
 /// Bytes of a return: position, time, frame, colour, and its share of the search for neighbours.
 const RETURN: u64 = 12 + 4 + 4 + 16 + 28;
+
+/// Bytes of a Gaussian whose gradient is taken: its values and those before the step, its splat, its place in the lists of tiles, sums of
+/// gradients in f64 and f32.
+const REFINED: u64 = 800;
+/// Bytes of a Gaussian beside them while per-scene optimisation runs: two moments of 17 values.
+const MOMENTS: u64 = 2 * 17 * 4;
 
 /// What a run surely needs at one time, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -79,9 +86,58 @@ pub fn check_memory(dir: &ClipDir, selection: &Selection) -> Result<()> {
     available_bytes().map_or(Ok(()), |available| Need::of(&sizes, returns).check(available))
 }
 
+/// Bytes of a Gaussian while a network of this config refines it: rows of inputs and features, twice while they are gathered, and of a
+/// hidden layer.
+fn refined_by(config: &ModelConfig) -> u64 {
+    let features = config.unet.decoder.last().copied().unwrap_or(0);
+    let values = 2 * (refine_inputs(config.guidance, true) + features) + config.head_width.unwrap_or(0);
+    REFINED + 4 * values as u64
+}
+
+/// Nothing, when so many Gaussians of the `LiDAR` branch and of the background can be refined in the memory that is free, by a network or
+/// (`None`) by per-scene optimisation; what is not known counts as enough.
+///
+/// # Errors
+/// [`EngineError::Setting`] with the flag that lowers the larger branch.
+pub fn check_refinement(gaussians: [usize; 2], config: Option<&ModelConfig>) -> Result<()> {
+    available_bytes().map_or(Ok(()), |available| check_gaussians(gaussians, config, available))
+}
+
+fn check_gaussians([lidar, background]: [usize; 2], config: Option<&ModelConfig>, available: u64) -> Result<()> {
+    let each = config.map_or(REFINED + MOMENTS, refined_by);
+    let total = (lidar as u64).saturating_add(background as u64).saturating_mul(each);
+    if total <= available {
+        return Ok(());
+    }
+    let setting = if lidar >= background { "--frames" } else { "--image-size" };
+    Err(EngineError::Setting {
+        setting,
+        expected: format!("a scene that can be refined in the {} MB of memory that are free", available / 1_000_000),
+        found: format!(
+            "{lidar} LiDAR and {background} background Gaussians, at least {} MB",
+            total.div_ceil(1_000_000)
+        ),
+    })
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Need;
+    use std::path::Path;
+
+    use super::{Need, check_gaussians};
+    use crate::network::config::ModelConfig;
+
+    #[test]
+    fn the_larger_branch_names_its_flag() {
+        let config = ModelConfig::parse(include_str!("../../../models/tiny.json"), Path::new("tiny.json")).unwrap();
+        // What the refinement of 10^6 Gaussians was seen to take beside images and sites: 1.6 GB.
+        assert!(check_gaussians([600_000, 400_000], Some(&config), 1_700_000_000).is_ok());
+        let message = check_gaussians([600_000, 400_000], Some(&config), 1_000_000_000).unwrap_err().to_string();
+        assert!(message.starts_with("--frames: expected a scene") && message.contains("600000 LiDAR"), "{message}");
+        let message = check_gaussians([4, 1_000_000], None, 900_000_000).unwrap_err().to_string();
+        assert!(message.starts_with("--image-size: expected") && message.contains("at least 937 MB"), "{message}");
+        assert!(check_gaussians([usize::MAX; 2], None, u64::MAX - 1).is_err(), "sums do not wrap");
+    }
 
     #[test]
     fn the_larger_part_names_its_flag() {

@@ -8,7 +8,7 @@ use crate::error::{EngineError, Result};
 use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
-use crate::refine::{RefineSummary, refine};
+use crate::refine::{RefineSettings, RefineSummary, refine};
 use crate::views::View;
 
 /// How the network is used.
@@ -16,8 +16,8 @@ use crate::views::View;
 pub struct NetworkSettings<'a> {
     /// The network.
     pub model: &'a FoldedModel,
-    /// Steps of the learned refinement.
-    pub refine_steps: usize,
+    /// The learned refinement.
+    pub refine: RefineSettings,
     /// Whether primitives ask those of other timestamps.
     pub query: bool,
     /// Who decides on the set update.
@@ -94,10 +94,10 @@ pub fn run_network(
         (update, density) = watch.stage(Stage::SetUpdate, 1, |_| update_set(scene, scores, settings))?;
     }
     drop(features);
-    let refine = watch.stage(Stage::Refine, settings.refine_steps, |progress| {
-        refine(scene, views, model, settings.refine_steps, || progress.step(Stage::Refine))
+    let refine = watch.stage(Stage::Refine, settings.refine.steps, |progress| {
+        refine(scene, views, model, settings.refine, || progress.step(Stage::Refine))
     })?;
-    watch.times.refine = Some(refine.seconds);
+    watch.times.add_refine(refine.seconds);
     Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density })
 }
 

@@ -1,10 +1,10 @@
 //! Inputs to scene.
 
-use std::time::Instant;
+use std::{borrow::Cow, time::Instant};
 
 use serde::Serialize;
 
-use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, run_network};
+use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
 use crate::{
     densify::DensityMap,
     error::Result,
@@ -12,9 +12,9 @@ use crate::{
         self, GaussianSet,
         background::{self, Mode},
     },
-    points,
+    points::{self, PointCloud},
     refine::adam::{Adam, AdamSettings, AdamSummary},
-    views::View,
+    views::{View, at_factor},
 };
 
 /// How many Gaussians a reconstruction started with, changed and ended with.
@@ -50,21 +50,25 @@ pub struct Reconstruction {
     pub seconds: f64,
 }
 
-/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing, background.
-const POINT_STEPS: usize = 4;
+/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing.
+const POINT_STEPS: usize = 3;
 
-/// The scene that `inputs` show.
+/// A reconstruction that has its initial `LiDAR` Gaussians, and nothing else yet.
+#[derive(Debug)]
+pub struct Begun<'a, 'b> {
+    inputs: &'b Inputs<'a>,
+    cloud: PointCloud,
+    scene: GaussianSet,
+    start: Instant,
+}
+
+/// The initial `LiDAR` Gaussians of what `inputs` show.
 ///
 /// # Errors
 /// Whatever is wrong with the sweep of an input frame.
-pub fn reconstruct(
-    inputs: &Inputs<'_>,
-    background: Mode,
-    network: Option<&NetworkSettings<'_>>,
-    watch: &mut Watch<'_>,
-) -> Result<Reconstruction> {
+pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let mut scene = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
@@ -72,47 +76,112 @@ pub fn reconstruct(
         step();
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
+        let scene = gaussians::initial(&cloud, &colours, &spacing);
         step();
-        let mut scene = gaussians::initial(&cloud, &colours, &spacing);
-        background::add_background(&mut scene, inputs.views(), &cloud, background);
-        step();
-        Result::Ok(scene)
+        Result::Ok((cloud, scene))
     })?;
-    let initial = scene.num_lidar;
-    let views: Vec<&View> = inputs.views().iter().collect();
-    let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
-    let update = network.as_ref().map(|run| run.update).unwrap_or_default();
-    let counts = GaussianCounts {
-        initial,
-        pruned: update.pruned,
-        added: update.added,
-        last: scene.num_lidar,
-        background: scene.len() - scene.num_lidar,
-    };
-    let seconds = start.elapsed().as_secs_f64();
-    let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
-    Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), seconds })
+    Ok(Begun { inputs, cloud, scene, start })
 }
 
-/// Optimises a finished scene over the input views, in place: what `--refine-with adam` does instead of the learned refinement.
+impl Begun<'_, '_> {
+    /// How many `LiDAR` Gaussians there are.
+    pub fn num_points(&self) -> usize {
+        self.scene.len()
+    }
+
+    /// The scene.
+    ///
+    /// # Errors
+    /// Those of [`run_network`]; [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to refine them.
+    pub fn finish(
+        self,
+        background: Mode,
+        network: Option<&NetworkSettings<'_>>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Reconstruction> {
+        let Self { inputs, cloud, mut scene, start } = self;
+        watch.stage(Stage::Background, 1, |_| {
+            background::add_background(&mut scene, inputs.views(), &cloud, background);
+        });
+        drop(cloud);
+        let initial = scene.num_lidar;
+        if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
+            check_refinement([initial, scene.len() - initial], Some(&settings.model.config))?;
+        }
+        let views: Vec<&View> = inputs.views().iter().collect();
+        let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
+        let update = network.as_ref().map(|run| run.update).unwrap_or_default();
+        let counts = GaussianCounts {
+            initial,
+            pruned: update.pruned,
+            added: update.added,
+            last: scene.num_lidar,
+            background: scene.len() - scene.num_lidar,
+        };
+        let seconds = start.elapsed().as_secs_f64();
+        let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
+        Ok(Reconstruction { scene, counts, network, optimisation: None, density: density.flatten(), seconds })
+    }
+}
+
+/// The scene that `inputs` show.
+///
+/// # Errors
+/// Those of [`begin`] and of [`Begun::finish`].
+pub fn reconstruct(
+    inputs: &Inputs<'_>,
+    background: Mode,
+    network: Option<&NetworkSettings<'_>>,
+    watch: &mut Watch<'_>,
+) -> Result<Reconstruction> {
+    begin(inputs, watch)?.finish(background, network, watch)
+}
+
+/// A per-scene optimisation of a finished scene.
+#[derive(Clone, Copy, Debug)]
+pub struct OptimiseSettings {
+    /// Steps.
+    pub steps: usize,
+    /// A step.
+    pub adam: AdamSettings,
+    /// How many times smaller in width and height the images are that it looks at.
+    pub reduce: usize,
+    /// No step begins, after the first, that would probably end later than this; `None` for no limit.
+    pub until: Option<Instant>,
+}
+
+/// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
+///
+/// # Errors
+/// [`EngineError::Setting`](crate::error::EngineError::Setting) for more Gaussians than there is memory to optimise them.
 pub fn optimise(
     reconstruction: &mut Reconstruction,
     inputs: &Inputs<'_>,
-    settings: AdamSettings,
-    steps: usize,
+    settings: OptimiseSettings,
     watch: &mut Watch<'_>,
-) {
+) -> Result<()> {
+    let OptimiseSettings { steps, adam, reduce, until } = settings;
+    let num_lidar = reconstruction.scene.num_lidar;
+    check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None)?;
     let start = Instant::now();
-    let views: Vec<&View> = inputs.views().iter().collect();
     let scene = &mut reconstruction.scene;
-    let mut adam = Adam::new(scene.len(), settings);
-    watch.stage(Stage::Refine, steps, |progress| {
+    let summary = watch.stage(Stage::Refine, steps, |progress| {
+        let full: Vec<&View> = inputs.views().iter().collect();
+        let reduced = at_factor(&full, reduce);
+        let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
+        let mut adam = Adam::new(scene.len(), adam);
         for _ in 0..steps {
+            let begun = Instant::now();
             adam.step(scene, &views);
             progress.step(Stage::Refine);
+            if until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
+                break;
+            }
         }
+        adam.into_summary()
     });
-    watch.times.refine = Some(adam.summary().seconds);
-    reconstruction.optimisation = Some(adam.into_summary());
+    watch.times.add_refine(summary.seconds);
+    reconstruction.optimisation = Some(summary);
     reconstruction.seconds += start.elapsed().as_secs_f64();
+    Ok(())
 }

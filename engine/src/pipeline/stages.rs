@@ -9,8 +9,10 @@ use crate::refine::RefineSeconds;
 pub enum Stage {
     /// Images are read, undistorted, resized.
     Load,
-    /// Sweeps become initial Gaussians with colours, and the background.
+    /// Sweeps become initial Gaussians with colours.
     Points,
+    /// Gaussians behind them.
+    Background,
     /// The network's features.
     Backbone,
     /// The exchange of features between timestamps.
@@ -29,9 +31,10 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in the order of the work.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Load,
         Self::Points,
+        Self::Background,
         Self::Backbone,
         Self::Query,
         Self::Policy,
@@ -46,6 +49,7 @@ impl Stage {
         match self {
             Self::Load => "load",
             Self::Points => "points",
+            Self::Background => "background",
             Self::Backbone => "backbone",
             Self::Query => "query",
             Self::Policy => "policy",
@@ -69,6 +73,16 @@ impl StageTimes {
     /// Seconds of one stage.
     pub const fn get(&self, stage: Stage) -> f64 {
         self.stages[stage as usize]
+    }
+
+    /// Counts the parts of a refinement, beside those of one before it.
+    pub fn add_refine(&mut self, seconds: RefineSeconds) {
+        let before = self.refine.unwrap_or_default();
+        self.refine = Some(RefineSeconds {
+            render: before.render + seconds.render,
+            loss: before.loss + seconds.loss,
+            network: before.network + seconds.network,
+        });
     }
 }
 

@@ -1,13 +1,10 @@
 //! Per-scene optimisation: Adam on the raw parameters, the refinement that needs no trained network.
 
 mod rates;
-mod turns;
-
-use std::num::NonZeroUsize;
 
 use rayon::prelude::*;
 
-use super::{RefineSeconds, silence};
+use super::{RefineSeconds, silence, turns::Turns};
 use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::loss::LossWeights;
 use crate::objective::objective;
@@ -31,10 +28,8 @@ const GRAIN: usize = 4096;
 pub struct AdamSettings {
     /// Step sizes.
     pub rates: AdamRates,
-    /// Views that a step looks at, in random turns; `None` for all of them.
-    pub views_per_step: Option<NonZeroUsize>,
-    /// Decides on the turns.
-    pub seed: u64,
+    /// Views that a step looks at.
+    pub turns: Turns,
 }
 
 /// What an optimisation did.
@@ -75,8 +70,7 @@ impl Adam {
     /// The loss before the step over the views that it looked at; moves both branches, and the velocities of the `LiDAR` branch.
     pub fn step(&mut self, set: &mut GaussianSet, views: &[&View]) -> f64 {
         let done = self.summary.losses.len();
-        let turn = turns::views_of(done, views.len(), self.settings.views_per_step, self.settings.seed);
-        let chosen: Vec<&View> = turn.into_iter().map(|k| views[k]).collect();
+        let chosen = self.settings.turns.of_step(done, views);
         let mut current = objective(set, &chosen, &LossWeights::default());
         self.summary.non_finite_gradients += silence(&mut current.gradient);
         self.summary.seconds.render += current.seconds.render;

@@ -3,8 +3,11 @@
 use serde::{Serialize, Serializer};
 
 use crate::{
+    densify::Density,
     evaluate::ViewFigures,
+    gaussians::background::Mode,
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
+    plan::Chosen,
     refine::adam::AdamSummary,
     views::Role,
 };
@@ -22,6 +25,9 @@ pub struct Metrics {
     pub clip: String,
     /// Everything that was asked for and changes the result.
     pub config: Config,
+    /// How a time budget was spent; `None`, and no key, without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget: Option<BudgetRecord>,
     /// SHA-256 of the weights file; for seeded weights `random:` and the config file's; `None` without a network.
     pub weights: Option<String>,
     /// Threads that worked.
@@ -48,6 +54,20 @@ pub struct Metrics {
     pub mean: RoleMeans,
 }
 
+/// A time budget, and how it was spent.
+#[derive(Clone, Debug, Serialize)]
+pub struct BudgetRecord {
+    /// What was asked for: seconds from the start of the program until the scene is finished.
+    pub budget_s: f64,
+    /// Seconds until the choice.
+    pub before_s: f64,
+    /// What was chosen, and why.
+    #[serde(flatten)]
+    pub chosen: Chosen,
+    /// Seconds until the scene was finished.
+    pub finished_s: f64,
+}
+
 /// The settings of a run, as they turned out for its clip.
 #[derive(Clone, Debug, Serialize)]
 pub struct Config {
@@ -60,17 +80,19 @@ pub struct Config {
     /// Frames that were held out.
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
-    pub background: String,
-    /// Who refined: `learned` or `adam:N`; `None` for nobody.
+    pub background: Mode,
+    /// Who refined: `learned`, or `adam:N` after the steps of the network; `None` for nobody.
     pub refine_with: Option<String>,
     /// Steps of the learned refinement; `None` without a network.
     pub refine_steps: Option<usize>,
-    /// Views that a step of the per-scene optimisation looked at; `None` for all.
-    pub adam_views: Option<usize>,
+    /// Views that a step of the refinement looked at; `None` for all.
+    pub refine_views: Option<usize>,
+    /// How many times smaller the images of the refinement were; `None` where nobody refined.
+    pub refine_reduce: Option<usize>,
     /// Whether the Cross-Time Point Query was asked for; `None` without a network.
     pub query: Option<bool>,
     /// Who pruned and added; `None` without a network.
-    pub density: Option<String>,
+    pub density: Option<Density>,
     /// Score above which a primitive was pruned; `None` without a network.
     pub theta_prune: Option<f32>,
     /// Score above which a primitive got a copy; `None` without a network.

@@ -6,5 +6,7 @@ mod metrics;
 mod pictures;
 
 pub use html::{Page, PageView, html};
-pub use metrics::{Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name};
+pub use metrics::{
+    BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name,
+};
 pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind, ScoreKind};

@@ -5,6 +5,7 @@ mod load;
 mod pinhole;
 pub(crate) mod reduced;
 mod selection;
+mod shrink;
 
 use lgs_formats::image::{PixelLabel, RgbImage};
 
@@ -12,6 +13,7 @@ pub use clip_frame::ClipFrame;
 pub use load::load_views;
 pub use pinhole::{NEAR, PinholeView, Projected};
 pub use selection::{SelectedFrames, Selection};
+pub use shrink::at_factor;
 
 /// A `LiDAR` return that projects into a view.
 #[derive(Clone, Copy, Debug, PartialEq)]

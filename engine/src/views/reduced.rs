@@ -14,17 +14,7 @@ pub(crate) struct Reduced {
 impl Reduced {
     /// `view` reduced by `factor`; rows and columns at the end that do not fill a block are left out.
     pub(crate) fn new(view: &View, factor: usize) -> Self {
-        let full = &view.pinhole;
-        let share = 1.0 / factor as f32;
-        let pinhole = PinholeView {
-            width: (full.width / factor).max(1),
-            height: (full.height / factor).max(1),
-            fx: full.fx * share,
-            fy: full.fy * share,
-            cx: full.cx * share,
-            cy: full.cy * share,
-            ..*full
-        };
+        let pinhole = view.pinhole.reduced(factor);
         let pixels = 0..pinhole.num_pixels();
         let colours = pixels.map(|i| block_mean(view, i / pinhole.width, i % pinhole.width, factor)).collect();
         Self { pinhole, colours }
@@ -37,18 +27,7 @@ impl Reduced {
 }
 
 fn block_mean(view: &View, row: usize, column: usize, factor: usize) -> [u8; 3] {
-    let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let (rows, columns) =
-        (row * factor..((row + 1) * factor).min(height), column * factor..((column + 1) * factor).min(width));
-    let mut sum = [0.0; 3];
-    for y in rows.clone() {
-        for pixel in y * width + columns.start..y * width + columns.end {
-            let colour = &view.image.data[3 * pixel..3 * pixel + 3];
-            sum = std::array::from_fn(|k| sum[k] + colour[k]);
-        }
-    }
-    let share = 1.0 / (rows.len() * columns.len()).max(1) as f32;
-    sum.map(|s: f32| to_byte(s * share))
+    view.mean_colour(view.pinhole.block(row, column, factor)).map(to_byte)
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the range of a byte")]

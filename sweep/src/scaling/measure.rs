@@ -177,7 +177,7 @@ impl Bench<'_> {
     fn network(&self) -> Option<NetworkSettings<'_>> {
         self.model.map(|loaded| NetworkSettings {
             model: &loaded.model,
-            refine_steps: REFINE_STEPS,
+            refine: REFINE_STEPS.into(),
             query: true,
             density: Density::Policy,
             thresholds: Thresholds::default(),

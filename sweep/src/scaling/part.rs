@@ -65,7 +65,7 @@ impl Part {
     ];
 
     /// Steps of [`Stage::Points`], in their order.
-    pub const OF_POINTS: [Self; 4] = [Self::Cloud, Self::Paint, Self::Spacing, Self::Background];
+    pub const OF_POINTS: [Self; 3] = [Self::Cloud, Self::Paint, Self::Spacing];
 
     /// Its name in files.
     pub const fn key(self) -> &'static str {
@@ -94,6 +94,7 @@ impl Part {
         match stage {
             Stage::Load => Some(Self::Load),
             Stage::Points => None,
+            Stage::Background => Some(Self::Background),
             Stage::Backbone => Some(Self::Backbone),
             Stage::Query => Some(Self::Query),
             Stage::Policy => Some(Self::Policy),

@@ -64,11 +64,11 @@ fn same_bytes() -> Outcome {
 fn views_in_turns() -> Outcome {
     let place = tempfile::tempdir()?;
     let with = |out: &str, seed: &str| {
-        let flags = ["--weights", "none", "--refine-with", "adam:4", "--adam-views", "1", "--seed", seed];
+        let flags = ["--weights", "none", "--refine-with", "adam:4", "--refine-views", "1", "--seed", seed];
         infer(place.path(), out, &flags)
     };
     let (first, again, other) = (with("a", "1")?, with("b", "1")?, with("c", "2")?);
-    expect("config.adam_views", &first["config"]["adam_views"], &json!(1))?;
+    expect("config.refine_views", &first["config"]["refine_views"], &json!(1))?;
     if losses(&first) != losses(&again) || losses(&first) == losses(&other) {
         return Err(format!("{:?} {:?} {:?}", losses(&first), losses(&again), losses(&other)).into());
     }
@@ -85,5 +85,14 @@ fn behind_a_network() -> Outcome {
     expect("no learned step", &adam["network"]["refine"]["steps"], &json!(0))?;
     expect("adam:0 leaves the prediction as it is", &adam["views"], &none["views"])?;
     let two = with("c", &["--refine-with", "adam:2"])?;
-    if two["views"] == none["views"] { Err("two steps changed nothing".into()) } else { Ok(()) }
+    if two["views"] == none["views"] {
+        return Err("two steps changed nothing".into());
+    }
+    let both = with("d", &["--refine-with", "adam:2", "--refine-steps", "1", "--refine-reduce", "2"])?;
+    expect("config.refine_steps", &both["config"]["refine_steps"], &json!(1))?;
+    expect("config.refine_reduce", &both["config"]["refine_reduce"], &json!(2))?;
+    if losses(&both).len() != 2 || both["network"]["refine"]["losses"].as_array().is_none_or(Vec::is_empty) {
+        return Err(format!("expected both refinements, found {both}").into());
+    }
+    Ok(())
 }

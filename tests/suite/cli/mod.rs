@@ -7,6 +7,7 @@ mod flags;
 mod hostile_clips;
 mod infer;
 mod network;
+mod plan;
 mod real_clips;
 mod scenes;
 mod shipped;
@@ -27,6 +28,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         densify::cases(),
         describe::cases(),
         network::cases(),
+        plan::cases(),
         untrained::cases(),
         weights::cases(),
     ]

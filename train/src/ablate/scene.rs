@@ -8,6 +8,7 @@ use lgs_engine::{
     network::model::FoldedModel,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
     refine::{
+        Turns,
         adam::{Adam, AdamSettings},
         refine_and_show,
     },
@@ -154,7 +155,7 @@ impl Bench<'_> {
     fn make(&self, way: Way) -> Result<(Made, Option<DensityMap>)> {
         let settings = NetworkSettings {
             model: self.model,
-            refine_steps: 0,
+            refine: 0.into(),
             query: way.query,
             density: way.density,
             thresholds: way.thresholds,
@@ -207,8 +208,7 @@ impl Bench<'_> {
     fn adam(&self, from: &GaussianSet, told: &mut dyn FnMut(u64)) -> Result<Vec<Point>> {
         let (mut scene, views) = (from.clone(), self.subject.views());
         let settings = AdamSettings {
-            views_per_step: self.settings.adam_views,
-            seed: self.settings.seed,
+            turns: Turns { views_per_step: self.settings.adam_views, seed: self.settings.seed },
             ..AdamSettings::default()
         };
         let (mut adam, mut seconds) = (Adam::new(scene.len(), settings), 0.0);

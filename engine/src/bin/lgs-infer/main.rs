@@ -2,6 +2,7 @@
 
 mod args;
 mod output;
+mod plan;
 mod progress;
 mod run;
 mod summary;

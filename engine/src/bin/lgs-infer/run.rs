@@ -14,10 +14,11 @@ use lgs_engine::{
         source::{ModelSource, config_of},
     },
     pipeline::{
-        Drawing, Figures, Inputs, NetworkSettings, RenderedView, Stage, Watch, check_memory, evaluate_views, optimise,
-        reconstruct,
+        Drawing, Figures, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin, check_memory,
+        evaluate_views, optimise,
     },
-    refine::adam::AdamSettings,
+    plan::Recipe,
+    refine::{RefineSettings, Turns, adam::AdamSettings},
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -25,8 +26,9 @@ use lgs_engine::{
 use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, viewer};
 
 use crate::{
-    args::{Args, RefineWith, Switch, ViewsArg, word},
+    args::{Args, ViewsArg, word},
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
+    plan::{self, Plan},
     progress::Bars,
     summary::summary,
 };
@@ -46,9 +48,7 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     if args.max_gaussians.is_some() && args.weights == ModelSource::None {
         bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
     }
-    if let Some(contradiction) = args.contradiction() {
-        bail!(contradiction);
-    }
+    plan::check(args)?;
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
@@ -60,19 +60,28 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
     let exports = exports(args, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
+    let begun = begin(&inputs, &mut watch)?;
+    let Plan { recipe, until, mut budget } = plan::plan(args, start, &begun, inputs.views(), &watch)?;
+    let model = model.filter(|_| recipe.network);
+    let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
+    let reduce = recipe.refine_reduce;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
-        refine_steps: args.refine_steps(),
-        query: args.query == Switch::On,
-        density: args.density.density(),
+        refine: RefineSettings { steps: recipe.refine_steps, turns, reduce, until },
+        query: recipe.query,
+        density: recipe.density,
         thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
         max_gaussians: args.max_gaussians,
         seed: args.seed,
     });
-    let mut reconstruction = reconstruct(&inputs, args.background.mode(), network.as_ref(), &mut watch)?;
-    if let RefineWith::Adam(steps) = args.refine_with {
-        let settings = AdamSettings { views_per_step: args.adam_views, seed: args.seed, ..AdamSettings::default() };
-        optimise(&mut reconstruction, &inputs, settings, steps, &mut watch);
+    let mut reconstruction = begun.finish(recipe.background, network.as_ref(), &mut watch)?;
+    if recipe.adam_steps > 0 {
+        let adam = AdamSettings { turns, ..AdamSettings::default() };
+        let settings = OptimiseSettings { steps: recipe.adam_steps, adam, reduce, until };
+        optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
+    }
+    if let Some(budget) = &mut budget {
+        budget.finished_s = start.elapsed().as_secs_f64();
     }
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
@@ -81,7 +90,8 @@ fn infer(args: &Args, clip: &Path) -> Result<String> {
     let metrics = Metrics {
         format: METRICS_FORMAT,
         clip: dir.clip().name.clone(),
-        config: job.config(&inputs),
+        config: job.config(&inputs, &recipe),
+        budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
         seed: args.seed,
@@ -183,17 +193,12 @@ impl<'a> Job<'a> {
         evaluate_views(Drawing { scene: &scene, scores: scores.as_deref() }, &views, figures, watch, &keep)
     }
 
-    /// Whether anybody refines.
-    fn refines(&self) -> bool {
-        self.args.weights != ModelSource::None || matches!(self.args.refine_with, RefineWith::Adam(_))
-    }
-
     fn figures(&self) -> Figures<'_> {
         let lpips = self.lpips.as_ref().map(|distance| &distance.lpips);
         Figures::OfTruth { clip: self.dir.clip(), frame: &self.clip_frame, lpips }
     }
 
-    fn config(&self, inputs: &Inputs<'_>) -> Config {
+    fn config(&self, inputs: &Inputs<'_>, recipe: &Recipe) -> Config {
         let mut cameras: Vec<String> = Vec::new();
         for view in inputs.views() {
             if !cameras.contains(&view.camera) {
@@ -207,15 +212,19 @@ impl<'a> Job<'a> {
             image_size: self.selection.image_size.map(|size| [size.height, size.width]),
             frames,
             hold_out: self.frames.held_out.clone(),
-            background: word(&self.args.background),
-            refine_with: self.refines().then(|| self.args.refine_with.word()),
-            refine_steps: (self.args.weights != ModelSource::None).then(|| self.args.refine_steps()),
-            adam_views: self.args.adam_views.map(NonZeroUsize::get),
-            query: (self.args.weights != ModelSource::None).then_some(self.args.query == Switch::On),
-            density: (self.args.weights != ModelSource::None).then(|| word(&self.args.density)),
-            theta_prune: (self.args.weights != ModelSource::None).then_some(self.args.theta_prune),
-            theta_add: (self.args.weights != ModelSource::None).then_some(self.args.theta_add),
-            max_gaussians: self.args.max_gaussians.filter(|_| self.args.weights != ModelSource::None),
+            background: recipe.background,
+            refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {
+                0 => "learned".to_owned(),
+                steps => format!("adam:{steps}"),
+            }),
+            refine_steps: recipe.network.then_some(recipe.refine_steps),
+            refine_views: recipe.refine_views.filter(|_| recipe.refines()).map(NonZeroUsize::get),
+            refine_reduce: recipe.refines().then_some(recipe.refine_reduce),
+            query: recipe.network.then_some(recipe.query),
+            density: recipe.network.then_some(recipe.density),
+            theta_prune: recipe.network.then_some(self.args.theta_prune),
+            theta_add: recipe.network.then_some(self.args.theta_add),
+            max_gaussians: self.args.max_gaussians.filter(|_| recipe.network),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

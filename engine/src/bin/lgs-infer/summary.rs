@@ -4,7 +4,7 @@ use std::{fmt::Write, path::Path};
 
 use lgs_engine::{
     pipeline::Stage,
-    report::{FIGURES, Metrics, role_name},
+    report::{BudgetRecord, FIGURES, Metrics, role_name},
     views::Role,
 };
 
@@ -38,6 +38,13 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path) -> String {
             counts.initial, counts.pruned, counts.added, counts.last, counts.background
         ),
     );
+    if let Some(BudgetRecord { budget_s, chosen, finished_s, .. }) = &metrics.budget {
+        let verdict = if chosen.fits { "" } else { "; nothing that is recorded fits, so the quickest ran" };
+        line(&mut text, "time budget", &format!("{budget_s} s, scene finished after {finished_s:.2} s{verdict}"));
+        line(&mut text, "", &chosen.recipe.flags());
+        let gives_up = format!("gives up about {:.2} dB against the best, which takes", chosen.gives_up_db);
+        line(&mut text, "", &format!("{gives_up} {:.1} s more", (chosen.best_s - chosen.expected_s).max(0.0)));
+    }
     let stages = Stage::ALL.into_iter().filter(|&stage| metrics.stages_s.get(stage) > 0.0);
     let times: Vec<String> = stages.map(|s| format!("{} {:.2}", s.key(), metrics.stages_s.get(s))).collect();
     line(&mut text, "seconds", &format!("{total_s:.2} in all, reconstruction {:.2}", metrics.reconstruction_s));

@@ -8,6 +8,7 @@ mod gaps;
 mod sky;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use self::{
     coverage::{Coverage, Round},
@@ -23,7 +24,8 @@ use crate::{
 const SAME_MOMENT: f32 = 1e-3;
 
 /// Where the background comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// The one that scored best on held-out frames: [`Mode::Depth`]. PSNR without a network, gaps and depth: 15.87 and 19.59 dB on DDAD
     /// (three cameras, 304x484), 19.52 and 20.67 on KITTI (188x621), 24.10 and 25.92 over six procedural scenes (128x256).

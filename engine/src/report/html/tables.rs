@@ -7,6 +7,7 @@ use super::{
 use crate::{
     evaluate::ViewFigures,
     pipeline::{NetworkSummary, Stage, UpdateSkipped},
+    plan::word,
     predict::QuerySkipped,
     report::metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
     views::Role,
@@ -63,7 +64,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("image size", config.image_size.map_or("each image's own".to_owned(), |[h, w]| format!("{h}x{w}"))),
         ("frames", ranges(&config.frames)),
         ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
-        ("background", escape(&config.background)),
+        ("background", word(&config.background)),
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),
@@ -93,7 +94,7 @@ fn network_settings(config: &Config, summary: &NetworkSummary) -> String {
     let density = match (&summary.set_update_skipped, &config.density) {
         (None, Some(density)) => {
             let budget = config.max_gaussians.map_or(String::new(), |n| format!(", at most {}", thousands(n)));
-            format!("density {density} ({}, {}{budget})", number(config.theta_prune), number(config.theta_add))
+            format!("density {} ({}, {}{budget})", word(&density), number(config.theta_prune), number(config.theta_add))
         }
         (Some(UpdateSkipped::NotInModel), _) => "no policy in the model".to_owned(),
         _ => "density off".to_owned(),

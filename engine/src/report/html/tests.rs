@@ -3,6 +3,7 @@
 use super::*;
 use crate::{
     evaluate::ViewFigures,
+    gaussians::background::Mode,
     pipeline::{GaussianCounts, StageTimes},
     report::{Config, METRICS_FORMAT, RoleMeans, ViewRecord},
 };
@@ -21,10 +22,11 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             image_size: Some([60, 100]),
             frames: vec![0, 1, 2],
             hold_out: vec![1],
-            background: "auto".to_owned(),
+            background: Mode::Auto,
             refine_with: None,
             refine_steps: None,
-            adam_views: None,
+            refine_views: None,
+            refine_reduce: None,
             query: None,
             density: None,
             theta_prune: None,
@@ -37,6 +39,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         weights: None,
         threads: 2,
         seed: 0,
+        budget: None,
         gaussians: GaussianCounts { initial: 1200, last: 1200, background: 34, ..GaussianCounts::default() },
         network: None,
         optimisation: None,

@@ -13,7 +13,7 @@ use lgs_train::ablate::choice::Choice;
 
 use crate::{
     scaling_args::ScalingArgs,
-    values::{ClipArg, Limit, One, WeightsArg, budget, steps, theta, views},
+    values::{ClipArg, Limit, One, WeightsArg, budget, reduce, steps, theta, views},
 };
 
 /// Most timed runs of a configuration, and of rounds before them.
@@ -76,9 +76,17 @@ pub(crate) struct Args {
     #[arg(long)]
     no_adam: bool,
 
-    /// Input views that a step of per-scene optimisation looks at, or `all`
+    /// Steps of per-scene optimisation after the learned refinement
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,10,30", value_parser = steps::<100_000>)]
+    then_adam: Vec<usize>,
+
+    /// Input views that a step of a refinement looks at, or `all`
     #[arg(long, value_name = "N,all", value_delimiter = ',', default_value = "all", value_parser = views)]
-    adam_views: Vec<Limit>,
+    refine_views: Vec<Limit>,
+
+    /// How many times smaller in width and height the images are that a step looks at, 1 to 64
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1,2", value_parser = reduce)]
+    refine_reduce: Vec<usize>,
 
     /// Frames that are held out, for clips that do not say: as for lgs-infer
     #[arg(long, value_name = "LIST|odd|every:N", default_value = "odd")]
@@ -145,7 +153,9 @@ impl Args {
             theta: self.theta.clone(),
             max_gaussians: self.max_gaussians.iter().map(|limit| limit.0.map(NonZeroUsize::get)).collect(),
             adam: if self.no_adam { Vec::new() } else { self.adam.clone() },
-            adam_views: self.adam_views.iter().map(|limit| limit.0).collect(),
+            then_adam: self.then_adam.clone(),
+            refine_views: self.refine_views.iter().map(|limit| limit.0).collect(),
+            refine_reduce: self.refine_reduce.clone(),
         }
     }
 
@@ -193,10 +203,11 @@ mod tests {
 
     #[test]
     fn values_are_lists() {
-        let line = "a --out o --max-gaussians none,500 --adam-views all,2 --adam 5,1 --density random --query off --background none";
+        let line = "a --out o --max-gaussians none,500 --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --density random --query off --background none";
         let axes = parse(line).unwrap().axes();
         assert_eq!(axes.max_gaussians, [None, Some(500)]);
-        assert_eq!((axes.adam_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
+        assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
+        assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
         assert_eq!((axes.density, axes.query), (vec![DensityBy::Random], vec![Switch::Off]));
         assert_eq!(axes.background, [Background::Off]);
         assert!(parse("a --out o --no-adam").unwrap().axes().adam.is_empty());
@@ -214,7 +225,9 @@ mod tests {
             "a --out o --theta 1.5",
             "a --out o --max-gaussians 0",
             "a --out o --adam -1",
-            "a --out o --adam-views none",
+            "a --out o --refine-views none",
+            "a --out o --refine-reduce 0",
+            "a --out o --then-adam 100001",
             "a --out o --repeats 0",
             "a --out o --weights random:",
             "a --out o --one 1",

@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_sweep::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 15] = [
+const OTHERS: [&str; 17] = [
     "clips",
     "refine_steps",
     "query",
@@ -17,7 +17,9 @@ const OTHERS: [&str; 15] = [
     "background",
     "adam",
     "no_adam",
-    "adam_views",
+    "then_adam",
+    "refine_views",
+    "refine_reduce",
     "hold_out",
     "image_size",
     "frames",

@@ -86,6 +86,11 @@ pub(crate) fn steps<const MOST: usize>(text: &str) -> Result<usize, String> {
     value.ok_or_else(|| format!("expected a number from 0 to {MOST}, found {text:?}"))
 }
 
+pub(crate) fn reduce(text: &str) -> Result<usize, String> {
+    let value = text.parse().ok().filter(|factor| (1..=64).contains(factor));
+    value.ok_or_else(|| format!("expected a number from 1 to 64, found {text:?}"))
+}
+
 pub(crate) fn theta(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
     value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))

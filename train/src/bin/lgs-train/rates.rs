@@ -40,7 +40,7 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
         if let Some(loaded) = &model {
             let settings = NetworkSettings {
                 model: &loaded.model,
-                refine_steps: 0,
+                refine: 0.into(),
                 query: true,
                 density: Density::Off,
                 thresholds: Thresholds::default(),

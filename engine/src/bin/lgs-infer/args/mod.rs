@@ -10,14 +10,19 @@ use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
     network::{shipped, source::ModelSource},
     pipeline::HoldOut,
+    plan::Recipe,
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-pub(crate) use values::{BackgroundArg, DensityArg, RefineWith, Switch, ViewsArg, word};
-use values::{rate, score, seconds};
+use values::{BackgroundArg, DensityArg, PresetArg, RefineWith, Switch, budget, rate, score, seconds};
+pub(crate) use values::{ViewsArg, word};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
+
+/// Flags that a time budget decides on.
+const CHOSEN_BY_BUDGET: [&str; 8] =
+    ["preset", "refine_steps", "refine_with", "refine_views", "refine_reduce", "density", "query", "background"];
 
 /// Reconstruct a driving clip as a dynamic 3D Gaussian scene, draw its views and measure them.
 ///
@@ -44,22 +49,37 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = shipped::DEFAULT)]
     pub(crate) weights: ModelSource,
 
-    /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3]
+    /// A point on the measured front of speed and accuracy, which the flags given beside it change: `fast`: at most an eighth of the time
+    /// of `accurate`; `balanced`: at most half of it [default: what each flag says]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetArg>,
+
+    /// Seconds from the start of the program until the scene is finished: picks what is probably the best that fits, from recorded times;
+    /// views are drawn and files written after it; with --weights tiny or none [default: none]
+    #[arg(long, value_name = "S", value_parser = budget, conflicts_with_all = CHOSEN_BY_BUDGET)]
+    pub(crate) time_budget: Option<f64>,
+
+    /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3; with --refine-with adam:N: 0]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
     refine_steps: Option<u32>,
 
     /// Who refines: `learned`: the network, where there is one; `adam:N`: N steps of per-scene optimisation by the same loss, 0 to
-    /// 100000, with a network or without
-    #[arg(long, value_name = "learned|adam:N", default_value = "learned")]
-    pub(crate) refine_with: RefineWith,
+    /// 100000, with a network or without; --refine-steps before them only where they are asked for [default: learned]
+    #[arg(long, value_name = "learned|adam:N")]
+    refine_with: Option<RefineWith>,
 
-    /// Input views that a step of adam:N looks at, in random turns [default: all]
+    /// Input views that a step of a refinement looks at, in random turns [default: all]
     #[arg(long, value_name = "N")]
-    pub(crate) adam_views: Option<NonZeroUsize>,
+    refine_views: Option<NonZeroUsize>,
+
+    /// How many times smaller in width and height the images are that a refinement looks at, 1 to 64 [default: 1]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
+    refine_reduce: Option<u32>,
 
     /// Who prunes and adds primitives: `policy`: the network; `random`: chance, as often as the network would; `off`: nobody
-    #[arg(long, value_enum, default_value_t = DensityArg::Policy)]
-    pub(crate) density: DensityArg,
+    /// [default: policy]
+    #[arg(long, value_enum)]
+    density: Option<DensityArg>,
 
     /// Score above which a primitive is pruned, 0 to 1
     #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
@@ -74,9 +94,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N")]
     pub(crate) max_gaussians: Option<usize>,
 
-    /// Whether primitives ask their nearest of other timestamps
-    #[arg(long, value_enum, default_value_t = Switch::On)]
-    pub(crate) query: Switch,
+    /// Whether primitives ask their nearest of other timestamps [default: on]
+    #[arg(long, value_enum)]
+    query: Option<Switch>,
 
     /// Names of the cameras to use, separated by commas [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
@@ -97,8 +117,9 @@ pub(crate) struct Args {
 
     /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
     /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is (what `auto` takes)
-    #[arg(long, value_enum, default_value_t = BackgroundArg::Auto)]
-    pub(crate) background: BackgroundArg,
+    /// [default: auto]
+    #[arg(long, value_enum)]
+    background: Option<BackgroundArg>,
 
     /// Views to draw, measure and write: `all`, `held-out` or `none`
     #[arg(long, value_enum, default_value_t = ViewsArg::All)]
@@ -149,28 +170,24 @@ pub(crate) struct Args {
     pub(crate) json: bool,
 }
 
-/// Steps of the learned refinement when nobody says.
-const REFINE_STEPS: usize = 3;
-
 impl Args {
-    /// Steps of the learned refinement.
-    pub(crate) fn refine_steps(&self) -> usize {
-        match self.refine_with {
-            RefineWith::Learned => self.refine_steps.map_or(REFINE_STEPS, |steps| steps as usize),
-            RefineWith::Adam(_) => 0,
-        }
-    }
-
-    /// Flags that each make sense, but not together.
-    pub(crate) fn contradiction(&self) -> Option<&'static str> {
-        match self.refine_with {
-            RefineWith::Learned if self.adam_views.is_some() => {
-                Some("--adam-views: expected --refine-with adam:N, found --refine-with learned")
-            }
-            RefineWith::Adam(_) if self.refine_steps.is_some() => {
-                Some("--refine-steps: expected --refine-with learned, found --refine-with adam:N")
-            }
-            _ => None,
+    /// What runs: `base`, but for what the flags say.
+    pub(crate) fn recipe(&self, base: Recipe) -> Recipe {
+        let steps = self.refine_steps.map(|steps| steps as usize);
+        let [refine_steps, adam_steps] = match self.refine_with {
+            None => [steps.unwrap_or(base.refine_steps), base.adam_steps],
+            Some(RefineWith::Learned) => [steps.unwrap_or(base.refine_steps), 0],
+            Some(RefineWith::Adam(adam)) => [steps.unwrap_or(0), adam],
+        };
+        Recipe {
+            background: self.background.map_or(base.background, BackgroundArg::mode),
+            network: base.network,
+            query: self.query.map_or(base.query, |switch| switch == Switch::On),
+            density: self.density.map_or(base.density, DensityArg::density),
+            refine_steps,
+            adam_steps,
+            refine_views: self.refine_views.or(base.refine_views),
+            refine_reduce: self.refine_reduce.map_or(base.refine_reduce, |factor| factor as usize),
         }
     }
 

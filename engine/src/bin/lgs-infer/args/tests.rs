@@ -2,6 +2,8 @@
 
 use clap::CommandFactory;
 
+use lgs_engine::{densify::Density, gaussians::background::Mode};
+
 use super::*;
 
 fn parse(line: &str) -> Result<Args, clap::Error> {
@@ -22,9 +24,10 @@ fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
 #[test]
 fn defaults_are_as_the_help_says() {
     let args = parse("clip").unwrap();
-    assert_eq!((args.out, args.cameras, args.frames, args.hold_out), (None, None, None, HoldOut::Nothing));
+    assert_eq!((&args.out, &args.cameras, &args.frames, &args.hold_out), (&None, &None, &None, &HoldOut::Nothing));
     let weights = if shipped::BYTES.is_some() { ModelSource::Shipped } else { ModelSource::None };
-    assert_eq!((args.background, args.views, args.weights), (BackgroundArg::Auto, ViewsArg::All, weights));
+    assert_eq!((args.views, &args.weights, args.preset, args.time_budget), (ViewsArg::All, &weights, None, None));
+    assert_eq!(args.recipe(Recipe::default()), Recipe::default());
     assert_eq!((args.threads, args.seed, args.json), (None, 0, false));
 }
 
@@ -53,12 +56,20 @@ fn lists_and_rules_are_read() {
 
 #[test]
 fn one_of_two_refines() {
-    let learned = parse("c").unwrap();
-    assert_eq!((learned.refine_with, learned.refine_steps(), learned.contradiction()), (RefineWith::Learned, 3, None));
-    let adam = parse("c --refine-with adam:30 --adam-views 4").unwrap();
-    assert_eq!((adam.refine_with, adam.refine_steps(), adam.contradiction()), (RefineWith::Adam(30), 0, None));
-    assert!(parse("c --refine-with adam:3 --refine-steps 3").unwrap().contradiction().is_some());
-    assert!(parse("c --adam-views 4").unwrap().contradiction().is_some());
+    let steps = |line: &str, base: Recipe| {
+        let recipe = parse(line).unwrap().recipe(base);
+        [recipe.refine_steps, recipe.adam_steps]
+    };
+    let usual = Recipe::default();
+    assert_eq!(steps("c", usual), [3, 0]);
+    assert_eq!(steps("c --refine-with adam:30", usual), [0, 30]);
+    assert_eq!(steps("c --refine-with adam:30 --refine-steps 2", usual), [2, 30]);
+    let both = Recipe { refine_steps: 2, adam_steps: 10, ..usual };
+    assert_eq!(steps("c --preset accurate", both), [2, 10]);
+    assert_eq!(steps("c --preset accurate --refine-with learned", both), [2, 0]);
+    let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe(usual);
+    assert_eq!((looks.refine_views, looks.refine_reduce), (NonZeroUsize::new(4), 2));
+    assert_eq!((looks.background, looks.query, looks.density), (Mode::Gaps, false, Density::Policy));
 }
 
 #[test]
@@ -84,8 +95,15 @@ fn what_makes_no_sense_is_refused() {
         "c --refine-with adam:-1",
         "c --refine-with adam:1000000",
         "c --refine-with nobody",
-        "c --refine-with adam:3 --adam-views 0",
+        "c --refine-views 0",
+        "c --refine-reduce 0",
+        "c --refine-reduce 65",
         "c --query maybe",
+        "c --preset slow",
+        "c --time-budget 0",
+        "c --time-budget NaN",
+        "c --time-budget 3 --preset fast",
+        "c --time-budget 3 --refine-steps 1",
         "c --theta-add 1.5",
         "c --theta-prune NaN",
         "c --describe models/tiny.json",

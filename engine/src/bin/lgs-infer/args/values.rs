@@ -3,10 +3,13 @@
 use std::str::FromStr;
 
 use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode};
+use lgs_engine::{densify::Density, gaussians::background::Mode, plan::Named};
 
 /// Most steps of per-scene optimisation that may be asked for.
 const MAX_ADAM_STEPS: usize = 100_000;
+
+/// Longest time budget that may be asked for, seconds.
+const MAX_BUDGET_S: f64 = 1e6;
 
 /// `--density`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -34,16 +37,6 @@ pub(crate) enum RefineWith {
     Learned,
     /// So many steps of per-scene optimisation.
     Adam(usize),
-}
-
-impl RefineWith {
-    /// As the user gives it.
-    pub(crate) fn word(self) -> String {
-        match self {
-            Self::Learned => "learned".to_owned(),
-            Self::Adam(steps) => format!("adam:{steps}"),
-        }
-    }
 }
 
 impl FromStr for RefineWith {
@@ -92,6 +85,25 @@ impl BackgroundArg {
     }
 }
 
+/// `--preset`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PresetArg {
+    Fast,
+    Balanced,
+    Accurate,
+}
+
+impl PresetArg {
+    /// The engine's word for it.
+    pub(crate) const fn name(self) -> Named {
+        match self {
+            Self::Fast => Named::Fast,
+            Self::Balanced => Named::Balanced,
+            Self::Accurate => Named::Accurate,
+        }
+    }
+}
+
 /// `--views`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ViewsArg {
@@ -113,6 +125,11 @@ pub(super) fn score(text: &str) -> Result<f32, String> {
 pub(super) fn seconds(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| value.is_finite());
     value.ok_or_else(|| format!("expected a finite number of seconds, found {text:?}"))
+}
+
+pub(super) fn budget(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && *value <= MAX_BUDGET_S);
+    value.ok_or_else(|| format!("expected a time from above 0 to {MAX_BUDGET_S} seconds, found {text:?}"))
 }
 
 pub(super) fn rate(text: &str) -> Result<f32, String> {

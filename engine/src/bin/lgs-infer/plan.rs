@@ -1,0 +1,83 @@
+//! Which recipe runs.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use lgs_engine::{
+    network::source::ModelSource,
+    pipeline::{Begun, Stage, Watch},
+    plan::{Budget, ClipWork, Recipe, Record, choose},
+    report::BudgetRecord,
+    views::View,
+};
+
+use crate::args::Args;
+
+/// What runs, until when, and what is to be said about it.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    pub(crate) recipe: Recipe,
+    /// When the scene has to be finished; `None` for no limit.
+    pub(crate) until: Option<Instant>,
+    /// How the budget was spent, but for the time that it took in the end.
+    pub(crate) budget: Option<BudgetRecord>,
+}
+
+/// What can be said against the flags before any work.
+///
+/// # Errors
+/// A budget for what has no recorded times.
+pub(crate) fn check(args: &Args) -> Result<()> {
+    match (args.time_budget, &args.weights) {
+        (Some(_), _) if args.max_gaussians.is_some() => {
+            bail!(
+                "--time-budget: expected no --max-gaussians beside it, found one: recorded times are those of whole sets"
+            )
+        }
+        (Some(_), weights) if !matches!(weights, ModelSource::Shipped | ModelSource::None) => {
+            bail!("--time-budget: expected --weights tiny or none, whose times are recorded, found others")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The plan for a run that began at `start` and has come as far as `begun`.
+///
+/// # Errors
+/// Recorded times that cannot be read or have nothing for these weights.
+pub(crate) fn plan(
+    args: &Args,
+    start: Instant,
+    begun: &Begun<'_, '_>,
+    views: &[View],
+    watch: &Watch<'_>,
+) -> Result<Plan> {
+    let network = args.weights != ModelSource::None;
+    let Some(budget_s) = args.time_budget else {
+        let base = match args.preset {
+            Some(preset) => Record::shipped()?.preset(preset.name()),
+            None => Recipe::default(),
+        };
+        let recipe = args.recipe(base);
+        if args.max_gaussians.is_some() && !recipe.network {
+            bail!("--max-gaussians: expected a network with a policy, found a preset that goes without one");
+        }
+        return Ok(Plan { recipe: Recipe { network: recipe.network && network, ..recipe }, until: None, budget: None });
+    };
+    let until = start + Duration::from_secs_f64(budget_s);
+    let pixels = views.iter().map(|view| view.pinhole.num_pixels()).sum();
+    let budget = Budget {
+        work: ClipWork { points: begun.num_points(), pixels, views: views.len() },
+        left: until.saturating_duration_since(Instant::now()),
+        begin_s: watch.times.get(Stage::Points),
+        network,
+    };
+    let chosen = choose(&Record::shipped()?, &budget);
+    let chosen = chosen.context("--time-budget: expected recorded times for these weights, found none")?;
+    let elapsed_s = budget_s - budget.left.as_secs_f64();
+    Ok(Plan {
+        recipe: chosen.recipe,
+        until: Some(until),
+        budget: Some(BudgetRecord { budget_s, before_s: elapsed_s, chosen, finished_s: 0.0 }),
+    })
+}

@@ -1,0 +1,11 @@
+//! What to do in the time that there is: recipes that were measured, what they would take on a clip, and the choice among them.
+
+mod budget;
+mod fit;
+mod recipe;
+mod record;
+
+pub use budget::{Budget, Chosen, choose};
+pub use recipe::Recipe;
+pub(crate) use recipe::word;
+pub use record::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};

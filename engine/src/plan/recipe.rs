@@ -1,0 +1,88 @@
+//! A way to reconstruct, apart from the clip and the weights.
+
+use std::num::NonZeroUsize;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{densify::Density, gaussians::background::Mode};
+
+/// Which parts of the pipeline run, and how often.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// What stands behind the `LiDAR` Gaussians.
+    pub background: Mode,
+    /// Whether there is a network.
+    pub network: bool,
+    /// Whether primitives ask those of other timestamps.
+    pub query: bool,
+    /// Who prunes and adds.
+    pub density: Density,
+    /// Steps of the learned refinement; 0 without a network.
+    pub refine_steps: usize,
+    /// Steps of per-scene optimisation after them.
+    pub adam_steps: usize,
+    /// Input views that a step looks at; `None` for all.
+    pub refine_views: Option<NonZeroUsize>,
+    /// How many times smaller in width and height the images are that a step looks at.
+    pub refine_reduce: usize,
+}
+
+impl Default for Recipe {
+    /// Everything, and three learned steps: the paper's.
+    fn default() -> Self {
+        Self {
+            background: Mode::Auto,
+            network: true,
+            query: true,
+            density: Density::Policy,
+            refine_steps: 3,
+            adam_steps: 0,
+            refine_views: None,
+            refine_reduce: 1,
+        }
+    }
+}
+
+impl Recipe {
+    /// Whether anybody refines.
+    pub const fn refines(&self) -> bool {
+        (self.network && self.refine_steps > 0) || self.adam_steps > 0
+    }
+
+    /// The flags of `lgs-infer` that ask for it.
+    pub fn flags(&self) -> String {
+        let mut flags = vec![format!("--background {}", word(&self.background))];
+        if self.network {
+            flags.push(format!("--query {}", if self.query { "on" } else { "off" }));
+            flags.push(format!("--density {}", word(&self.density)));
+            flags.push(format!("--refine-steps {}", self.refine_steps));
+        } else {
+            flags.push("--weights none".to_owned());
+        }
+        if self.adam_steps > 0 {
+            flags.push(format!("--refine-with adam:{}", self.adam_steps));
+        }
+        flags.extend(self.refine_views.map(|views| format!("--refine-views {views}")));
+        flags.extend((self.refine_reduce > 1).then(|| format!("--refine-reduce {}", self.refine_reduce)));
+        flags.join(" ")
+    }
+}
+
+/// The word that stands for a value in JSON and on the command line.
+pub(crate) fn word(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_say_what_is_not_as_usual() {
+        let usual = Recipe::default();
+        assert_eq!(usual.flags(), "--background auto --query on --density policy --refine-steps 3");
+        let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
+        assert_eq!(adam.flags(), "--background gaps --weights none --refine-with adam:30 --refine-reduce 2");
+    }
+}

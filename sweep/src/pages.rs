@@ -1,0 +1,141 @@
+//! The pages that show what was found: for people, for programs, and for `lgs-infer`.
+
+use std::path::Path;
+
+use lgs_formats::write::write_atomic;
+use lgs_train::ablate::choice::Choice;
+use serde::Serialize;
+
+use super::{
+    case::Work,
+    csv::{Table, csv},
+    error::{Result, SweepError},
+    machine::Machine,
+    presets::presets,
+    record::{ClipRecord, Failed, PointRecord},
+    report::{Chapter, Page, html},
+    setting::{Setting, Weights},
+    table::{Row, mean_rows, rows},
+};
+
+/// The value of `format` in `sweep.json`.
+pub const FORMAT: &str = "lgs-sweep/1";
+
+/// `sweep.json`.
+#[derive(Serialize)]
+struct Whole<'a> {
+    format: &'static str,
+    machine: &'a Machine,
+    weights: Vec<&'a Weights>,
+    lpips: Option<&'a str>,
+    seed: u64,
+    clips: Vec<OfClip<'a>>,
+    mean: &'a [Row],
+    failed: &'a [Failed],
+}
+
+/// A clip in `sweep.json`.
+#[derive(Serialize)]
+struct OfClip<'a> {
+    clip: &'a str,
+    source: &'a str,
+    work: &'a Work,
+    load_s: Option<f64>,
+    rows: &'a [Row],
+    points: Vec<&'a PointRecord>,
+}
+
+/// What the pages say beside what was found.
+#[derive(Clone, Copy, Debug)]
+pub struct Pages<'a> {
+    /// The clips.
+    pub clips: &'a [Choice],
+    /// Every configuration once, in the order of the grid.
+    pub settings: &'a [Setting],
+    /// Of each network, its weights as the user names them.
+    pub weights: &'a [(Weights, String)],
+    /// SHA-256 of the weights of LPIPS; `None` where it is not measured.
+    pub lpips: Option<&'a str>,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// What measured.
+    pub machine: &'a Machine,
+    /// Directory of the results.
+    pub out: &'a Path,
+}
+
+impl Pages<'_> {
+    /// Writes the pages of what was found so far; the rows of each clip.
+    ///
+    /// # Errors
+    /// A file that cannot be written, or a crop that cannot be read.
+    pub fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<(String, Vec<Row>)>> {
+        let settings = self.settings;
+        let tables: Vec<Vec<Row>> = records.iter().map(|record| rows(record, settings)).collect();
+        let mean = if tables.len() > 1 { mean_rows(&tables) } else { Vec::new() };
+        let commands: Vec<Vec<String>> = tables
+            .iter()
+            .zip(self.clips)
+            .map(|(rows, choice)| rows.iter().map(|row| self.command(choice, &row.setting)).collect())
+            .collect();
+        let named = records.iter().zip(&tables).zip(&commands);
+        let lines: Vec<Table<'_>> =
+            named.map(|((record, rows), commands)| Table { clip: &record.clip, rows, commands }).collect();
+        let put = |name: &str, text: &str| write_atomic(&self.out.join(name), text.as_bytes());
+        put("points.csv", &csv(&lines))?;
+        let whole = Whole {
+            format: FORMAT,
+            machine: self.machine,
+            weights: self.weights.iter().map(|(weights, _)| weights).collect(),
+            lpips: self.lpips,
+            seed: self.seed,
+            clips: records.iter().zip(&tables).map(|(record, rows)| of_clip(record, rows, settings)).collect(),
+            mean: &mean,
+            failed,
+        };
+        put("sweep.json", &json("sweep.json", &whole)?)?;
+        let named = records.iter().zip(&tables).zip(&commands);
+        let chapters: Vec<Chapter<'_>> =
+            named.map(|((record, rows), commands)| Chapter { record, rows, commands }).collect();
+        let page = Page { machine: self.machine, chapters: &chapters, mean: &mean, out: self.out, failed };
+        put("report.html", &html(&page)?)?;
+        let weights = self.weights.first().map(|(weights, _)| weights);
+        let all = records.len() == self.clips.len();
+        let summary = if tables.len() > 1 { Some(&mean) } else { tables.first() };
+        if let Some(record) = summary.filter(|_| all).and_then(|rows| presets(records, rows, weights, self.machine)) {
+            put("presets.json", &json("presets.json", &record)?)?;
+        }
+        Ok(records.iter().zip(tables).map(|(record, rows)| (record.clip.clone(), rows)).collect())
+    }
+
+    /// The command that runs a configuration on a clip.
+    fn command(&self, choice: &Choice, setting: &Setting) -> String {
+        let mut words = vec!["lgs-infer".to_owned(), choice.dir.display().to_string()];
+        let named =
+            setting.network.as_ref().and_then(|n| self.weights.iter().find(|(weights, _)| *weights == n.weights));
+        words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
+        words.extend(setting.flags());
+        words.push(format!("--hold-out {}", choice.hold_out));
+        words.extend(choice.cameras.as_ref().map(|cameras| format!("--cameras {}", cameras.join(","))));
+        words.extend(choice.image_size.map(|size| format!("--image-size {size}")));
+        words.extend(choice.num_frames.map(|count| format!("--frames 0..{}", count.saturating_sub(1))));
+        words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
+        words.join(" ")
+    }
+}
+
+fn of_clip<'a>(record: &'a ClipRecord, rows: &'a [Row], settings: &[Setting]) -> OfClip<'a> {
+    OfClip {
+        clip: &record.clip,
+        source: &record.causes.source,
+        work: &record.work,
+        load_s: record.load_s,
+        rows,
+        points: settings.iter().filter_map(|setting| record.point(setting)).collect(),
+    }
+}
+
+fn json(what: &'static str, page: &impl Serialize) -> Result<String> {
+    let text = serde_json::to_string_pretty(page).map_err(|source| SweepError::Json { what, source })?;
+    Ok(text + "\n")
+}
