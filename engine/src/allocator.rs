@@ -4,6 +4,10 @@
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const TOP_PAD_BYTES: libc::c_int = 256 << 20;
 
+/// Buffers of this size are mappings of their own where memory goes back to the system, bytes.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const MAPPED_BYTES: libc::c_int = 256 << 10;
+
 /// Tells glibc's allocator to keep freed pages, for the first line of a binary's `main`. Elsewhere nothing happens.
 ///
 /// Tensor operations free and allocate the same large buffers again and again. By default each is a fresh mapping whose
@@ -18,6 +22,20 @@ pub fn keep_pages() {
     }
 }
 
+/// Undoes [`keep_pages`]: from now on larger buffers are mappings of their own and go back to the system when they are freed, so that
+/// resident memory is what is in use. For who looks at memory, not at time. Elsewhere nothing happens.
+pub fn return_pages() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    for (option, value) in [
+        (libc::M_MMAP_MAX, libc::c_int::MAX),
+        (libc::M_MMAP_THRESHOLD, MAPPED_BYTES),
+        (libc::M_TRIM_THRESHOLD, MAPPED_BYTES),
+        (libc::M_TOP_PAD, 0),
+    ] {
+        set_option(option, value);
+    }
+}
+
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(unsafe_code, reason = "mallopt has no safe binding")]
 fn set_option(option: libc::c_int, value: libc::c_int) {
@@ -28,10 +46,30 @@ fn set_option(option: libc::c_int, value: libc::c_int) {
     }
 }
 
+/// Gives back what is free now. Elsewhere than with glibc nothing happens.
+pub fn trim() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    trim_arenas();
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[expect(unsafe_code, reason = "malloc_trim has no safe binding")]
+fn trim_arenas() {
+    // SAFETY: malloc_trim takes an integer, keeps no pointer, takes the allocator's own locks, and moves nothing that is in use.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 /// The largest resident memory of this process so far, in megabytes (10^6 bytes); `None` where the system does not say.
 pub fn peak_rss_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     peak_from_status(&status)
+}
+
+/// Whether the peak that [`peak_rss_mb`] tells is, from now on, that of what comes: it starts again from what is resident.
+pub fn reset_peak_rss() -> bool {
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
 }
 
 /// Memory that this process can still get, bytes: what the system says is free, within the limits on the process and on its group;
@@ -86,5 +124,9 @@ mod tests {
         let touched = std::hint::black_box(vec![1_u8; 200_000_000]);
         let after = super::peak_rss_mb().unwrap();
         assert!(after >= 200.0 && after >= before, "before {before} MB, after {after} MB, touched {}", touched.len());
+        drop(touched);
+        assert!(super::reset_peak_rss());
+        let restarted = super::peak_rss_mb().unwrap();
+        assert!(restarted < after - 150.0, "after {after} MB, then {restarted} MB");
     }
 }

@@ -33,3 +33,5 @@ pub mod presets;
 pub mod pages;
 
 pub mod job;
+
+pub mod scaling;

@@ -8,6 +8,7 @@ mod network;
 mod readers;
 mod readme;
 mod render;
+mod scaling;
 mod structure;
 mod sweep;
 mod targetgen;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
     cases.extend(importers::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
+    cases.extend(scaling::cases());
     cases.extend(sweep::cases());
     cases.extend(viewer::cases());
     cases.extend(readers::cases());

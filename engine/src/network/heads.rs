@@ -9,6 +9,9 @@ use super::linear::{Linear, PackedLinear};
 use crate::gaussians::NUM_ATTRIBUTES;
 use crate::ops::sparse_conv::KernelMap;
 
+/// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
+const PIECE: usize = 1024;
+
 /// What the heads of a pass predict.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
@@ -117,46 +120,59 @@ impl FoldedHeads {
 
     /// The outputs `[rows, outputs]`, a buffer of `buffers`.
     ///
+    /// Piece by piece, so that what lies between the layers stays in the caches and takes no memory worth mention.
+    ///
     /// # Shapes
     /// As [`Heads::forward`].
     pub fn forward(&self, features: &[f32], own: &[f32], rows: usize, buffers: &mut Buffers) -> Vec<f32> {
-        let map = KernelMap::identity(rows);
-        let Some(layer) = &self.hidden else { return self.linear(features, &map, buffers) };
-        let joined = join(features, own, rows, buffers);
-        let mut hidden = buffers.take(rows * layer.cout());
-        layer.forward_relu(&joined, &map, &mut hidden);
-        let read = join(&hidden, own, rows, buffers);
-        let outputs = self.linear(&read, &map, buffers);
-        [joined, hidden, read].into_iter().for_each(|buffer| buffers.give(buffer));
+        let mut outputs = buffers.take(rows * self.width);
+        let widths = [features, own].map(|values| values.len() / rows.max(1));
+        let pieces = outputs.par_chunks_mut((PIECE * self.width).max(1)).enumerate();
+        pieces.for_each_init(Buffers::default, |scratch, (k, out)| {
+            let rows = out.len() / self.width;
+            let of = |width: usize| k * PIECE * width..(k * PIECE + rows) * width;
+            let parts = [&features[of(widths[0])], &own[of(widths[1])]];
+            self.piece(parts, &KernelMap::identity(rows), out, scratch);
+        });
         outputs
     }
 
-    fn linear(&self, features: &[f32], map: &KernelMap, buffers: &mut Buffers) -> Vec<f32> {
+    /// The outputs of some rows of the features and of what each Gaussian has of its own.
+    fn piece(&self, [features, own]: [&[f32]; 2], map: &KernelMap, out: &mut [f32], scratch: &mut Buffers) {
+        let Some(layer) = &self.hidden else { return self.linear(features, map, out, scratch) };
         let rows = map.num_outputs();
-        let mut gaussian = buffers.take(rows * self.gaussian.cout());
+        let mut joined = scratch.take(features.len() + own.len());
+        join(features, own, rows, &mut joined);
+        let mut hidden = scratch.take(rows * layer.cout());
+        layer.forward_relu(&joined, map, &mut hidden);
+        let mut read = scratch.take(hidden.len() + own.len());
+        join(&hidden, own, rows, &mut read);
+        self.linear(&read, map, out, scratch);
+        [joined, hidden, read].into_iter().for_each(|buffer| scratch.give(buffer));
+    }
+
+    fn linear(&self, features: &[f32], map: &KernelMap, out: &mut [f32], scratch: &mut Buffers) {
+        let Some(head) = &self.velocity else { return self.gaussian.forward(features, map, None, out) };
+        let rows = map.num_outputs();
+        let mut gaussian = scratch.take(rows * self.gaussian.cout());
         self.gaussian.forward(features, map, None, &mut gaussian);
-        let Some(head) = &self.velocity else { return gaussian };
-        let mut velocity = buffers.take(rows * head.cout());
+        let mut velocity = scratch.take(rows * head.cout());
         head.forward(features, map, None, &mut velocity);
-        let joined = join(&gaussian, &velocity, rows, buffers);
-        buffers.give(gaussian);
-        buffers.give(velocity);
-        joined
+        join(&gaussian, &velocity, rows, out);
+        [gaussian, velocity].into_iter().for_each(|buffer| scratch.give(buffer));
     }
 }
 
-/// The rows of both one after the other, a buffer of `buffers`.
-fn join(first: &[f32], second: &[f32], rows: usize, buffers: &mut Buffers) -> Vec<f32> {
+/// Nothing: `joined` holds the rows of both one after the other.
+fn join(first: &[f32], second: &[f32], rows: usize, joined: &mut [f32]) {
     let [a, b] = [first, second].map(|values| values.len() / rows.max(1));
-    let mut joined = buffers.take(first.len() + second.len());
     if a > 0 && b > 0 {
-        let parts = first.par_chunks_exact(a).zip(second.par_chunks_exact(b));
-        joined.par_chunks_exact_mut(a + b).zip(parts).with_min_len(1024).for_each(|(row, (first, second))| {
+        let parts = first.chunks_exact(a).zip(second.chunks_exact(b));
+        joined.chunks_exact_mut(a + b).zip(parts).for_each(|(row, (first, second))| {
             row[..a].copy_from_slice(first);
             row[a..].copy_from_slice(second);
         });
     }
-    joined
 }
 
 #[cfg(test)]

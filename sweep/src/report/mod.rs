@@ -1,7 +1,7 @@
 //! `report.html`: one file that shows what was measured, without anything from elsewhere.
 
 mod crops;
-mod plot;
+pub(crate) mod plot;
 mod plots;
 mod rows;
 

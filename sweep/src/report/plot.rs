@@ -6,15 +6,16 @@ use lgs_targetgen::picture::{escape, number};
 
 use crate::front::{Offer, on_front};
 
-const SIZE: [f64; 2] = [620.0, 360.0];
+/// Width and height of a plot.
+pub(crate) const SIZE: [f64; 2] = [620.0, 360.0];
 /// Left, right, top, bottom of the frame.
-const FRAME: [f64; 4] = [58.0, 604.0, 14.0, 312.0];
+pub(crate) const FRAME: [f64; 4] = [58.0, 604.0, 14.0, 312.0];
 /// Empty part of an axis beyond the outermost values.
 const ROOM: f64 = 0.06;
 
 /// How values lie along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scale {
+pub(crate) enum Scale {
     Even,
     Logarithmic,
 }
@@ -61,7 +62,7 @@ pub(super) struct Plot<'a> {
 
 /// Values along an axis brought to places on the page.
 #[derive(Clone, Copy, Debug)]
-struct Mapping {
+pub(crate) struct Mapping {
     scale: Scale,
     /// Values at the ends, on the axis' own scale.
     range: [f64; 2],
@@ -70,7 +71,7 @@ struct Mapping {
 }
 
 impl Mapping {
-    fn new(scale: Scale, values: impl Iterator<Item = f64>, ends: [f64; 2]) -> Self {
+    pub(crate) fn new(scale: Scale, values: impl Iterator<Item = f64>, ends: [f64; 2]) -> Self {
         let bent = values.map(|value| bend(scale, value)).filter(|value| value.is_finite());
         let [low, high] = bent.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
         let [low, high] = if low <= high { [low, high] } else { [0.0, 1.0] };
@@ -79,7 +80,7 @@ impl Mapping {
         Self { scale, range: [low - room, high + room], ends }
     }
 
-    fn place(&self, value: f64) -> f64 {
+    pub(crate) fn place(&self, value: f64) -> f64 {
         let share = (bend(self.scale, value) - self.range[0]) / (self.range[1] - self.range[0]);
         self.ends[0] + share * (self.ends[1] - self.ends[0])
     }
@@ -139,7 +140,7 @@ impl Plot<'_> {
             SIZE[0],
             SIZE[1]
         );
-        svg += &self.axes(&x, &y);
+        svg += &axes([self.x.label, self.y.label], &x, &y);
         for series in 0..=self.dots.iter().map(|dot| dot.series).max().unwrap_or(0) {
             let of = |dot: &&Dot| dot.series == series && dot.reference_steps.is_some();
             svg += &line("reference", self.dots.iter().filter(of), &x, &y);
@@ -153,46 +154,43 @@ impl Plot<'_> {
         }
         svg + "</svg></figure>\n"
     }
+}
 
-    fn axes(&self, x: &Mapping, y: &Mapping) -> String {
-        let [left, right, top, bottom] = FRAME;
-        let mut svg = String::new();
-        for tick in x.ticks() {
-            let at = x.place(tick);
-            let _ = writeln!(svg, "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{top}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>");
-            let _ = writeln!(
-                svg,
-                "<text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-                bottom + 18.0,
-                number(tick)
-            );
-        }
-        for tick in y.ticks() {
-            let at = y.place(tick);
-            let _ = writeln!(svg, "<line class=\"grid\" x1=\"{left}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>");
-            let _ = writeln!(
-                svg,
-                "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                left - 7.0,
-                at + 4.0,
-                number(tick)
-            );
-        }
-        let middle = (left + right) / 2.0;
-        let _ = writeln!(
-            svg,
-            "<text class=\"label\" x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-            bottom + 40.0,
-            escape(self.x.label)
-        );
-        let middle = (top + bottom) / 2.0;
-        let _ = writeln!(
-            svg,
-            "<text class=\"label\" transform=\"translate(14 {middle}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            escape(self.y.label)
-        );
-        svg
+/// The grid, the numbers and the labels of the horizontal and the upward axis.
+pub(crate) fn axes([label_x, label_y]: [&str; 2], x: &Mapping, y: &Mapping) -> String {
+    let [left, right, top, bottom] = FRAME;
+    let mut svg = String::new();
+    for tick in x.ticks() {
+        let at = x.place(tick);
+        let _ = writeln!(svg, "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{top}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>");
+        let _ =
+            writeln!(svg, "<text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>", bottom + 18.0, number(tick));
     }
+    for tick in y.ticks() {
+        let at = y.place(tick);
+        let _ = writeln!(svg, "<line class=\"grid\" x1=\"{left}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>");
+        let _ = writeln!(
+            svg,
+            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            left - 7.0,
+            at + 4.0,
+            number(tick)
+        );
+    }
+    let middle = (left + right) / 2.0;
+    let _ = writeln!(
+        svg,
+        "<text class=\"label\" x=\"{middle}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+        bottom + 40.0,
+        escape(label_x)
+    );
+    let middle = (top + bottom) / 2.0;
+    let _ = writeln!(
+        svg,
+        "<text class=\"label\" transform=\"translate(14 {middle}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+        escape(label_y)
+    );
+    svg
 }
 
 /// A line through dots from left to right.

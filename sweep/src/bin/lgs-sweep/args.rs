@@ -11,7 +11,10 @@ use lgs_sweep::{
 };
 use lgs_train::ablate::choice::Choice;
 
-use crate::values::{ClipArg, Limit, One, WeightsArg, budget, reduce, steps, theta, views};
+use crate::{
+    scaling_args::ScalingArgs,
+    values::{ClipArg, Limit, One, WeightsArg, budget, reduce, steps, theta, views},
+};
 
 /// Most timed runs of a configuration, and of rounds before them.
 const MOST_REPEATS: u64 = 1000;
@@ -22,12 +25,15 @@ const MAX_THREADS: u64 = 1024;
 /// several times in turns.
 ///
 /// Writes `report.html`, `points.csv`, `sweep.json`, and what it needs to go on after an interruption: the same command measures what is
-/// missing. Every combination of the values that are given is a configuration, as far as it makes sense.
+/// missing. Every combination of the values that are given is a configuration, as far as it makes sense. With `--scaling`: how cost grows.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "lgs-sweep", version, max_term_width = 110)]
 pub(crate) struct Args {
     /// Clip directories, each with options of its own where it needs some
-    #[arg(value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]", required = true)]
+    #[arg(
+        value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]",
+        required_unless_present = "scaling"
+    )]
     clips: Vec<ClipArg>,
 
     /// Folder to write to, made when it is missing
@@ -115,8 +121,11 @@ pub(crate) struct Args {
     pub(crate) seed: u64,
 
     /// What this program starts itself with: the numbers of a clip and of a run to judge, for one line of JSON
-    #[arg(long, value_name = "CLIP:RUN", hide = true)]
+    #[arg(long, value_name = "CLIP:RUN", hide = true, conflicts_with = "scaling")]
     pub(crate) one: Option<One>,
+
+    #[command(flatten)]
+    pub(crate) scaling: ScalingArgs,
 }
 
 impl Args {

@@ -1,8 +1,11 @@
 //! `lgs-sweep`: clips in, a measured trade of time against accuracy out.
 
+mod apart;
 mod args;
 mod progress;
 mod run;
+mod scaling;
+mod scaling_args;
 mod values;
 
 use std::process::ExitCode;

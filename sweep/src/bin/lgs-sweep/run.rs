@@ -3,7 +3,6 @@
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
-    process::{Command, Stdio},
 };
 
 use anyhow::{Context, Result, bail};
@@ -11,7 +10,6 @@ use lgs_engine::{evaluate::lpips::Lpips, network::source::LoadedModel, threads};
 use lgs_formats::{digest::sha256, program::Outcome};
 use lgs_sweep::{
     case::Case,
-    error::SweepError,
     grid::{Parts, Run, runs},
     job::{Found, Job},
     machine::Machine,
@@ -22,8 +20,10 @@ use lgs_sweep::{
 use lgs_train::ablate::subject::open;
 
 use crate::{
+    apart::ask,
     args::Args,
     progress::Teller,
+    scaling,
     values::{One, WeightsArg},
 };
 
@@ -37,6 +37,9 @@ struct Networks<'a> {
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
     let threads = threads::set_num_threads(args.threads())?;
     let networks = networks(args)?;
+    if args.scaling.scaling {
+        return scaling::run(args, threads, &networks.loaded);
+    }
     let grid = grid(args, &networks);
     match args.one {
         Some(one) => Ok(judge_one(args, one, &networks, &grid)?.into()),
@@ -101,7 +104,7 @@ fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -
 }
 
 /// The output directory, once it is known that it is one or can become one.
-fn output_dir(out: &Path) -> Result<PathBuf> {
+pub(crate) fn output_dir(out: &Path) -> Result<PathBuf> {
     let existing = out.ancestors().find(|path| !path.as_os_str().is_empty() && path.exists());
     if let Some(other) = existing.filter(|path| !path.is_dir()) {
         bail!("--out: expected a directory, found another kind of file at {}", other.display());
@@ -117,17 +120,7 @@ fn lpips_digest(file: &Path) -> Result<String> {
 
 /// What a run is worth, found out by this program in a process of its own with the same flags.
 fn judge_apart(program: &Path, one: One) -> lgs_sweep::error::Result<Judged> {
-    let mut command = Command::new(program);
-    command.args(std::env::args_os().skip(1)).arg("--one").arg(format!("{}:{}", one.clip, one.run));
-    let output = command.stdin(Stdio::null()).output();
-    let output = output.map_err(|e| SweepError::Point(format!("a process of its own could not be started: {e}")))?;
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr);
-        let last = said.lines().last().map_or("", |line| line.trim_start_matches("lgs-sweep: "));
-        let reason = if last.is_empty() { output.status.to_string() } else { last.to_owned() };
-        return Err(SweepError::Point(reason));
-    }
-    serde_json::from_slice(&output.stdout).map_err(|source| SweepError::Json { what: "answer of a process", source })
+    ask(program, &["--one".as_ref(), format!("{}:{}", one.clip, one.run).as_ref()])
 }
 
 fn outcome(found: &Found, out: &Path) -> Outcome {

@@ -1,0 +1,28 @@
+//! This program in a process of its own, whose memory is that of its work alone.
+
+use std::{
+    ffi::OsStr,
+    path::Path,
+    process::{Command, Stdio},
+};
+
+use lgs_sweep::error::{Result, SweepError};
+use serde::de::DeserializeOwned;
+
+/// What `program` answers to the flags of this process and some more.
+///
+/// # Errors
+/// When it fails, with the last line that it said.
+pub(crate) fn ask<T: DeserializeOwned>(program: &Path, more: &[&OsStr]) -> Result<T> {
+    let mut command = Command::new(program);
+    command.args(std::env::args_os().skip(1)).args(more);
+    let output = command.stdin(Stdio::null()).output();
+    let output = output.map_err(|e| SweepError::Point(format!("a process of its own could not be started: {e}")))?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        let last = said.lines().last().map_or("", |line| line.trim_start_matches("lgs-sweep: "));
+        let reason = if last.is_empty() { output.status.to_string() } else { last.to_owned() };
+        return Err(SweepError::Point(reason));
+    }
+    serde_json::from_slice(&output.stdout).map_err(|source| SweepError::Json { what: "answer of a process", source })
+}

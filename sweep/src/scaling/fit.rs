@@ -1,0 +1,211 @@
+//! Cost as a power of work.
+
+use serde::Serialize;
+
+/// Fewest sizes that a law is fitted to.
+pub const FEWEST: usize = 3;
+/// The largest work is at least so many times the smallest.
+const LEAST_SPAN: f64 = 3.0;
+/// An exponent above this needs an explanation.
+pub const STEEP: f64 = 1.05;
+
+/// `cost = factor * work^exponent`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PowerLaw {
+    /// The exponent.
+    pub exponent: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// Cost of a work of 1.
+    pub factor: f64,
+    /// Sizes that it was fitted to.
+    pub sizes: usize,
+}
+
+/// What something cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// How much was done.
+    pub work: f64,
+    /// What it cost.
+    pub cost: f64,
+}
+
+/// Kinds of work that a part has at most.
+pub const KINDS: usize = 3;
+/// How much there is of each kind of work.
+pub type Counts = [f64; KINDS];
+/// A pivot below this is rounding: kinds that grow alike.
+const LEAST_PIVOT: f64 = 1e-9;
+
+/// What one unit of each kind of work costs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Rates(pub Counts);
+
+impl Rates {
+    /// The rates of costs that work made, none below 0; costs of 0 do not count.
+    ///
+    /// # Formula
+    /// Least squares of `sum_k rate_k work_k / cost - 1`, so that small and large costs count alike, over those kinds that fit best
+    /// without one below 0.
+    pub fn of(samples: &[(Counts, f64)]) -> Self {
+        let shares: Vec<Counts> =
+            samples.iter().filter(|(_, cost)| *cost > 0.0).map(|(work, cost)| work.map(|w| w / cost)).collect();
+        let squares = |rates: &Self| shares.iter().map(|share| (rates.cost(*share) - 1.0).powi(2)).sum::<f64>();
+        let sets = (1..1_usize << KINDS).map(|bits| std::array::from_fn(|k| bits >> k & 1 == 1));
+        let fits =
+            sets.filter_map(|kinds| Self::solve(&shares, kinds)).filter(|rates| rates.0.iter().all(|r| *r >= 0.0));
+        fits.min_by(|a, b| squares(a).total_cmp(&squares(b))).unwrap_or_default()
+    }
+
+    /// The rates of some kinds by the normal equations, of any sign; `None` where the kinds cannot be told apart.
+    fn solve(shares: &[Counts], kinds: [bool; KINDS]) -> Option<Self> {
+        let chosen: Vec<usize> = (0..KINDS).filter(|&k| kinds[k]).collect();
+        let moment = |f: &dyn Fn(&Counts) -> f64| shares.iter().map(f).sum::<f64>();
+        let norms: Vec<f64> = chosen.iter().map(|&k| moment(&|share| share[k] * share[k]).sqrt()).collect();
+        if norms.iter().any(|norm| *norm <= 0.0) {
+            return None;
+        }
+        // Rows of the equations, each kind over its norm, the right side last.
+        let mut rows: Vec<Vec<f64>> = Vec::new();
+        for (&i, a) in chosen.iter().zip(&norms) {
+            let left = chosen.iter().zip(&norms).map(|(&j, b)| moment(&|share| share[i] * share[j]) / (a * b));
+            rows.push(left.chain([moment(&|share| share[i]) / a]).collect());
+        }
+        for pivot in 0..rows.len() {
+            let (above, below) = rows.split_at_mut(pivot + 1);
+            let row = &above[pivot];
+            if row[pivot] < LEAST_PIVOT {
+                return None;
+            }
+            for other in below {
+                let factor = other[pivot] / row[pivot];
+                other.iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
+            }
+        }
+        let mut rates = [0.0; KINDS];
+        for k in (0..rows.len()).rev() {
+            let known: f64 = (k + 1..rows.len()).map(|j| rows[k][j] * rates[chosen[j]] * norms[j]).sum();
+            rates[chosen[k]] = (rows[k][rows.len()] - known) / rows[k][k] / norms[k];
+        }
+        Some(Self(rates))
+    }
+
+    /// What work costs by the rates.
+    fn cost(&self, work: Counts) -> f64 {
+        self.0.iter().zip(work).map(|(rate, count)| rate * count).sum()
+    }
+
+    /// The kind that the others are counted in: the first that costs something.
+    pub fn first(&self) -> usize {
+        self.0.iter().position(|rate| *rate > 0.0).unwrap_or(0)
+    }
+
+    /// Work of several kinds, counted in units of [`Rates::first`].
+    pub fn joined(&self, work: Counts) -> f64 {
+        let unit = self.0[self.first()];
+        if unit > 0.0 { self.cost(work) / unit } else { work[0] }
+    }
+}
+
+impl PowerLaw {
+    /// The law of samples that cost at least `floor`, below which fixed costs decide; `None` for fewer than [`FEWEST`] or where the
+    /// work hardly changes.
+    ///
+    /// # Formula
+    /// Least squares of the logarithms: exponent `Sxy / Sxx`, its standard error `sqrt(sum of squared residuals / (n - 2) / Sxx)`.
+    pub fn of(samples: &[Sample], floor: f64) -> Option<Self> {
+        let counts = |sample: &&Sample| sample.work > 0.0 && sample.cost >= floor && sample.cost > 0.0;
+        let logs: Vec<[f64; 2]> = samples.iter().filter(counts).map(|s| [s.work.ln(), s.cost.ln()]).collect();
+        let ends = |k: usize| {
+            let values = || logs.iter().map(move |point| point[k]);
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+        };
+        if logs.len() < FEWEST || ends(0) < LEAST_SPAN.ln() {
+            return None;
+        }
+        let n = logs.len() as f64;
+        let mean = |k: usize| logs.iter().map(|point| point[k]).sum::<f64>() / n;
+        let [x0, y0] = [mean(0), mean(1)];
+        let sxx: f64 = logs.iter().map(|[x, _]| (x - x0).powi(2)).sum();
+        let sxy: f64 = logs.iter().map(|[x, y]| (x - x0) * (y - y0)).sum();
+        let exponent = sxy / sxx;
+        let squares: f64 = logs.iter().map(|[x, y]| (y - y0 - exponent * (x - x0)).powi(2)).sum();
+        let standard_error = (squares / (n - 2.0) / sxx).sqrt();
+        Some(Self { exponent, standard_error, factor: (y0 - exponent * x0).exp(), sizes: logs.len() })
+    }
+
+    /// The cost of a work.
+    pub fn cost(&self, work: f64) -> f64 {
+        self.factor * work.powf(self.exponent)
+    }
+
+    /// Whether cost grows clearly faster than work.
+    pub fn is_steep(&self) -> bool {
+        self.exponent > STEEP
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law(samples: &[[f64; 2]], floor: f64) -> Option<PowerLaw> {
+        let samples: Vec<Sample> = samples.iter().map(|&[work, cost]| Sample { work, cost }).collect();
+        PowerLaw::of(&samples, floor)
+    }
+
+    #[test]
+    fn a_power_is_found_again() {
+        let samples = [1e3, 2e4, 5e5, 1e6].map(|work: f64| [work, 3e-7 * work.powf(1.25)]);
+        let found = law(&samples, 0.0).unwrap();
+        assert!((found.exponent - 1.25).abs() < 1e-12 && found.standard_error < 1e-9 && found.sizes == 4, "{found:?}");
+        assert!((found.factor / 3e-7 - 1.0).abs() < 1e-9 && found.is_steep());
+        assert!((found.cost(1e5) / (3e-7 * 1e5_f64.powf(1.25)) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_standard_error_is_that_of_the_slope() {
+        // Logarithms (0, 0), (1, 1), (2, 1): slope 1/2, residuals -1/6, 1/3, -1/6, so 1/6 in squares, over 1 and over 2.
+        let e = std::f64::consts::E;
+        let found = law(&[[1.0, 1.0], [e, e], [e * e, e]], 0.0).unwrap();
+        assert!((found.exponent - 0.5).abs() < 1e-12 && (found.standard_error - (1.0_f64 / 12.0).sqrt()).abs() < 1e-12);
+        assert!(!found.is_steep());
+    }
+
+    #[test]
+    fn rates_are_found_again() {
+        let works = [[1e3, 5e2, 7.0], [2e3, 9e3, 1.0], [5e4, 1e4, 90.0], [8e4, 3e5, 2.0], [1e5, 1e3, 900.0]];
+        for want in [[2e-6, 5e-7, 1e-4], [0.0, 3e-6, 0.0], [4e-6, 0.0, 2e-5]] {
+            let found = Rates::of(&works.map(|work| (work, Rates(want).cost(work))));
+            for (got, want) in found.0.iter().zip(want) {
+                assert!((got - want).abs() <= 1e-9 * want.max(1e-6), "{found:?}");
+            }
+        }
+        let rates = Rates([0.0, 2.0, 1.0]);
+        assert_eq!((rates.first(), rates.joined([5.0, 10.0, 4.0])), (1, 12.0));
+    }
+
+    #[test]
+    fn no_rate_is_below_zero_and_what_grows_alike_counts_once() {
+        // A cost that falls with the second kind.
+        let works = [[1e3, 5e2, 0.0], [2e3, 9e3, 0.0], [5e4, 1e4, 0.0], [8e4, 3e5, 0.0]];
+        let found = Rates::of(&works.map(|[x, y, z]| ([x, y, z], x / (1.0 + y))));
+        assert!(found.0[0] > 0.0 && found.0[1..] == [0.0; 2], "{found:?}");
+        let alike = [1.0, 4.0, 9.0].map(|x| ([x, 2.0 * x, 0.0], 6.0 * x));
+        let found = Rates::of(&alike);
+        assert!((found.joined([1.0, 2.0, 0.0]) * found.0[found.first()] - 6.0).abs() < 1e-9, "{found:?}");
+        assert_eq!(Rates::of(&[]), Rates::default());
+    }
+
+    #[test]
+    fn fixed_costs_do_not_count_and_too_little_says_nothing() {
+        let samples = [[1e2, 1e-3], [1e3, 1e-3], [1e4, 1e-2], [1e5, 1e-1], [1e6, 1.0]];
+        let found = law(&samples, 5e-3).unwrap();
+        assert!((found.exponent - 1.0).abs() < 1e-12 && found.sizes == 3);
+        assert_eq!(law(&samples, 5e-2), None);
+        assert_eq!(law(&[[1.0, 1.0], [1.5, 2.0], [2.0, 3.0]], 0.0), None, "the work hardly changes");
+        assert_eq!(law(&[[0.0, 1.0], [1.0, f64::NAN], [10.0, 3.0], [20.0, 3.0]], 0.0), None);
+        assert_eq!(law(&[], 0.0), None);
+    }
+}
