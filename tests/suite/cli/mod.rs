@@ -6,6 +6,7 @@ mod describe;
 mod flags;
 mod hostile_clips;
 mod infer;
+mod motion;
 mod network;
 mod real_clips;
 mod scenes;
@@ -18,6 +19,7 @@ use libtest_mimic::Trial;
 pub(crate) fn cases() -> Vec<Trial> {
     [
         infer::cases(),
+        motion::cases(),
         adam::cases(),
         shipped::cases(),
         flags::cases(),

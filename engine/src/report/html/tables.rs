@@ -65,6 +65,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("frames", ranges(&config.frames)),
         ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
         ("background", word(&config.background)),
+        ("initial velocities", word(&config.motion)),
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),

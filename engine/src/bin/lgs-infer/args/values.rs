@@ -3,7 +3,11 @@
 use std::str::FromStr;
 
 use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode, plan::Named};
+use lgs_engine::{
+    densify::Density,
+    gaussians::{background::Mode, motion::Motion},
+    plan::Named,
+};
 
 /// Most steps of per-scene optimisation that may be asked for.
 const MAX_ADAM_STEPS: usize = 100_000;
@@ -60,6 +64,23 @@ impl FromStr for RefineWith {
 pub(crate) enum Switch {
     On,
     Off,
+}
+
+/// `--motion`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MotionArg {
+    Registered,
+    None,
+}
+
+impl MotionArg {
+    /// The engine's word for it.
+    pub(crate) const fn motion(self) -> Motion {
+        match self {
+            Self::Registered => Motion::Registered,
+            Self::None => Motion::None,
+        }
+    }
 }
 
 /// `--background`.
