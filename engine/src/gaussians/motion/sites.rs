@@ -84,7 +84,7 @@ impl Cluster {
 #[derive(Clone, Debug)]
 pub(super) struct Sites {
     pub(super) grid: Grid,
-    /// In the order of their first returns.
+    /// In the order of their cells.
     pub(super) sites: Vec<Site>,
     pub(super) clusters: Vec<Cluster>,
     /// `[sites]` their cells.
@@ -99,20 +99,19 @@ impl Sites {
     /// Those of the returns of a sweep that was taken from `origin`.
     pub(super) fn of(points: &[[f32; 3]], origin: [f32; 3], ground: &Ground) -> Self {
         let grid = Grid::around(origin, REACH, CELL);
-        let (mut of_cell, mut cells, mut sums) = (vec![NONE; grid.len()], Vec::new(), Vec::<Sum>::new());
-        for &point in points {
-            let Some(cell) = grid.index(point[0], point[1]) else { continue };
-            if !ground.above(point).is_some_and(|h| HEIGHTS.contains(&h)) {
-                continue;
-            }
-            if of_cell[cell] == NONE {
-                of_cell[cell] = u32::try_from(sums.len()).unwrap_or(NONE);
-                cells.push(cell);
-                sums.push(Sum::default());
-            }
-            if let Some(sum) = sums.get_mut(of_cell[cell] as usize) {
-                sum.add(point);
-            }
+        let stands = |point: [f32; 3]| ground.above(point).is_some_and(|h| HEIGHTS.contains(&h));
+        let cell = |&point: &[f32; 3]| grid.index(point[0], point[1]).filter(|_| stands(point)).map(|cell| (cell, point));
+        let returns: Vec<(usize, [f32; 3])> = points.iter().filter_map(cell).collect();
+        let mut of_cell = vec![NONE; grid.len()];
+        returns.iter().for_each(|&(cell, _)| of_cell[cell] = 0);
+        let taken = |cell: &usize| of_cell[*cell] != NONE;
+        let cells: Vec<usize> = (0..grid.len()).filter(taken).collect();
+        for (site, &cell) in (0..NONE).zip(&cells) {
+            of_cell[cell] = site;
+        }
+        let mut sums = vec![Sum::default(); cells.len()];
+        for &(cell, point) in &returns {
+            sums[of_cell[cell] as usize].add(point);
         }
         let sites = sums.iter().map(|sum| sum.site(origin)).collect();
         let mut made = Self { grid, sites, clusters: Vec::new(), cells, of_cell };
