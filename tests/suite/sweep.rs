@@ -47,7 +47,8 @@ fn place() -> Result<tempfile::TempDir, Failed> {
 
 fn arguments<'a>(clip: &'a Path, more: &[&'a str]) -> Vec<&'a OsStr> {
     let fixed = ["--weights", "w.safetensors", "--query", "on", "--background", "auto"];
-    let words = GRID.iter().chain(&fixed).chain(more).map(|word| OsStr::new(*word));
+    let refined = ["--then-adam", "0,1", "--refine-reduce", "2"];
+    let words = GRID.iter().chain(&fixed).chain(&refined).chain(more).map(|word| OsStr::new(*word));
     [clip.as_os_str()].into_iter().chain(words).collect()
 }
 
@@ -69,8 +70,8 @@ fn figures_are_those_of_inference() -> Outcome {
     let (page, csv) = (page(place.path())?, fs::read_to_string(place.path().join("out/points.csv"))?);
     let clip = &list(&page, "clips")?[0];
     let (rows, points) = (list(clip, "rows")?, list(clip, "points")?);
-    // Two ways of the policy with two numbers of steps each, three marks of the reference.
-    if (rows.len(), points.len(), csv.lines().count()) != (7, 7, 8) {
+    // Two ways of the policy with two by two numbers of steps each, three marks of the reference.
+    if (rows.len(), points.len(), csv.lines().count()) != (11, 11, 12) {
         return Err(format!("{} rows, {} points, {} lines", rows.len(), points.len(), csv.lines().count()).into());
     }
     for (line, row) in csv.lines().skip(1).zip(rows) {
@@ -174,7 +175,7 @@ fn report_in_a_browser() -> Outcome {
     let numbers: Vec<u64> = found.as_array().into_iter().flatten().filter_map(Value::as_u64).collect();
     // Time against PSNR and SSIM, memory and Gaussians against PSNR.
     match numbers.as_slice() {
-        [28, 7, drawn, all, 0] if drawn == all && *all >= 3 => Ok(()),
+        [44, 11, drawn, all, 0] if drawn == all && *all >= 3 => Ok(()),
         _ => Err(format!("circles, rows, pictures that are drawn, all, things from elsewhere: {found}").into()),
     }
 }

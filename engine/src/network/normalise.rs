@@ -54,12 +54,16 @@ fn residual_scale(row: &[f32; NUM_ATTRIBUTES]) -> [f32; NUM_ATTRIBUTES] {
     scale
 }
 
+/// Distance from the clip's origin along an axis beyond which no residual carries a Gaussian, metres.
+const REACH: f32 = 10_000.0;
+
 /// Geometric mean of the three scales, metres.
 pub(super) fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
     (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
 }
 
-/// Adds head outputs to `chosen` Gaussians; those that would get a value that is not finite stay as they are, and are returned.
+/// Adds head outputs to `chosen` Gaussians; those that would get a value that is not finite, or be carried away farther than [`REACH`], stay
+/// as they are, and are returned.
 ///
 /// # Shapes
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
@@ -75,13 +79,19 @@ pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], w
         for (value, o) in velocity.iter_mut().zip(&output[NUM_ATTRIBUTES..]) {
             *value += o * VELOCITY_RESIDUAL;
         }
-        if row.iter().chain(&velocity).all(|value| value.is_finite()) {
+        let is_finite = row.iter().chain(&velocity).all(|value| value.is_finite());
+        if is_finite && !is_carried_away(&set.attributes[i][MEAN], &row[MEAN]) {
             (set.attributes[i], set.velocities[i]) = (row, velocity);
         } else {
             skipped.push(i);
         }
     }
     skipped
+}
+
+/// Whether a mean leaves the scene: the voxel grid ends somewhere behind it.
+fn is_carried_away(before: &[f32], after: &[f32]) -> bool {
+    after.iter().zip(before).any(|(after, before)| after.abs() > REACH.max(before.abs()))
 }
 
 /// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
@@ -137,7 +147,7 @@ pub(super) fn state(set: &GaussianSet, i: usize, row: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{NUM_ATTRIBUTES, add_residuals, residual_gradients};
+    use super::{NUM_ATTRIBUTES, REACH, add_residuals, residual_gradients};
     use crate::network::samples::{gradient, set, value};
 
     #[test]
@@ -152,6 +162,23 @@ mod tests {
             assert_eq!(after.attributes[i] == before.attributes[i], i == 1 || i == 2, "Gaussian {i}");
         }
         assert!(after.check_finite().is_ok());
+    }
+
+    #[test]
+    fn what_would_be_carried_away_stays_where_it_is() {
+        let width = NUM_ATTRIBUTES;
+        let mut before = set(3);
+        before.attributes[1][0] = -2.0 * REACH;
+        before.attributes[2][0] = 2.0 * REACH;
+        let mut outputs = vec![0.0; 3 * width];
+        outputs[0] = 1e6 * REACH;
+        // Back towards the scene, and farther away from it.
+        outputs[width] = 1e4;
+        outputs[2 * width] = 1e4;
+        let mut after = before.clone();
+        assert_eq!(add_residuals(&mut after, &[0, 1, 2], &outputs, width), [0, 2]);
+        assert!(after.attributes[1][0] > before.attributes[1][0]);
+        assert_eq!(after.attributes[2], before.attributes[2]);
     }
 
     /// `<gradient, update(outputs) - set> = <residual gradient, outputs>`: the update is linear in the outputs.

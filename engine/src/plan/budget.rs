@@ -57,7 +57,9 @@ pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     // Of equally good ones the quicker.
     offers.sort_by(|a, b| a.behind.total_cmp(&b.behind).then(a.seconds.total_cmp(&b.seconds)));
     let best = offers.first()?;
-    let fitting = offers.iter().find(|offer| offer.seconds <= left.as_secs_f64());
+    // What takes no time to speak of does not fit either when the time is over.
+    let fits = |offer: &&Offer<'_>| !left.is_zero() && offer.seconds <= left.as_secs_f64();
+    let fitting = offers.iter().find(fits);
     let chosen = fitting.or_else(|| offers.iter().min_by(|a, b| a.seconds.total_cmp(&b.seconds)))?;
     Some(Chosen {
         recipe: chosen.row.recipe,

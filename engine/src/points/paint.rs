@@ -6,6 +6,9 @@ use rayon::prelude::*;
 use super::{PointCloud, occlusion::DepthGrid};
 use crate::views::{Projected, Role, View};
 
+/// Waits that differ by less than this are the same, seconds: clocks that count from an epoch are rounded.
+const SAME_WAIT: f32 = 1e-4;
+
 /// The colour (0..=1) of every point; `None` for one that no input view sees.
 ///
 /// Views of the point's own timestamp come first, then those of the nearest other timestamp; among the views of one
@@ -33,7 +36,7 @@ fn colour_of(cloud: &PointCloud, i: usize, inputs: &[(&View, DepthGrid)]) -> Opt
     let mut best: Option<([f32; 3], (f32, f32))> = None;
     for (view, grid) in inputs {
         let Some(at) = view.pinhole.project(cloud.positions[i]) else { continue };
-        let wait = if own(view) { -1.0 } else { (view.pinhole.time - cloud.times[i]).abs() };
+        let wait = if own(view) { -1.0 } else { ((view.pinhole.time - cloud.times[i]).abs() / SAME_WAIT).round() };
         let footprint = at.depth / view.pinhole.fx; // metres a pixel
         if best.is_some_and(|(_, rank)| rank <= (wait, footprint)) || grid.covers(at) {
             continue;

@@ -8,6 +8,7 @@ mod hostile_clips;
 mod infer;
 mod motion;
 mod network;
+mod plan;
 mod real_clips;
 mod scenes;
 mod shipped;
@@ -29,6 +30,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         densify::cases(),
         describe::cases(),
         network::cases(),
+        plan::cases(),
         untrained::cases(),
         weights::cases(),
     ]

@@ -1,7 +1,11 @@
 //! Scores, budgets, deltas and sums at their ends.
 
+use std::sync::Arc;
+
+use candle_core::{Device, Tensor};
 use lgs_engine::densify::{Action, Scores, Thresholds, apply, at_random, by_budget, by_thresholds, count};
 use lgs_engine::ops::knn::nearest;
+use lgs_engine::ops::segment::{Segments, mean_pool};
 use lgs_formats::targets::{Signal, TargetsConfig, ZScore};
 use lgs_targetgen::response::{Maxima, responses};
 use lgs_targetgen::target::{Moments, Targets, targets};
@@ -10,6 +14,9 @@ use lgs_tests::Outcome;
 use super::tiny::{noise, set_of};
 use super::{Extreme, ensure, failed};
 use crate::targetgen::config;
+
+/// Terms of the largest sums.
+const MANY: usize = 100_000_000;
 
 pub(super) const CASES: &[Extreme] = &[
     Extreme::new(
@@ -64,9 +71,15 @@ pub(super) const CASES: &[Extreme] = &[
     ),
     Extreme::new(
         "sums_of_many_terms",
-        "2 x 10^7 values of 0.1, and their moments",
+        "10^8 values of 0.1, and their moments",
         "the mean within 1e-9, no variance: sums are f64",
         many_terms,
+    ),
+    Extreme::new(
+        "a_voxel_of_many_rows",
+        "10^8 rows of one voxel, 0.1 each",
+        "their mean to the last bit of f32: sums are f64",
+        many_rows,
     ),
     Extreme::new(
         "more_neighbours_than_points",
@@ -176,8 +189,15 @@ fn spread(deltas: &[f32], scale: f64) -> Outcome {
 }
 
 fn many_terms() -> Outcome {
-    let moments = Moments::of(&vec![0.1; 20_000_000]);
+    let moments = Moments::of(&vec![0.1; MANY]);
     ensure((moments.mean - 0.1).abs() < 1e-9 && moments.deviation == 0.0, || format!("{moments:?}"))
+}
+
+fn many_rows() -> Outcome {
+    let segments = Arc::new(Segments::new(vec![0; MANY], 1)?);
+    let rows = Tensor::from_vec(vec![0.1_f32; MANY], (MANY, 1), &Device::Cpu)?;
+    let mean: Vec<f32> = mean_pool(&rows, &segments)?.flatten_all()?.to_vec1()?;
+    ensure(mean == [0.1], || format!("{mean:?}"))
 }
 
 fn few_neighbours() -> Outcome {
