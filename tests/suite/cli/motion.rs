@@ -20,6 +20,7 @@ pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("cli::motion::street", || near_the_tracks(&["--hold-out", "odd"], &[0, 2, 4])),
         case("cli::motion::street_of_two_frames", || near_the_tracks(&["--frames", "0,2"], &[0, 2])),
+        case("cli::motion::all_of_street", || near_the_tracks(&[], &[0, 1, 2, 3, 4])),
         case("cli::motion::none", nothing_moves),
         case("cli::motion::held_out_sweeps_do_not_count", held_out_sweeps_do_not_count),
     ]

@@ -13,6 +13,8 @@ const STRIDE: f32 = 0.7;
 const NUM_FOLLOWED: usize = 6;
 /// Displacement at which following ends, metres.
 const END: f32 = 0.04;
+/// What a metre more between two sweeps takes from a guess's value.
+const FARTHER: f64 = 0.04;
 /// Most sites of a cluster that are moved.
 pub(super) const MAX_SITES: usize = 48;
 
@@ -22,6 +24,19 @@ pub(super) struct Guess {
     /// Metres a second along x and y of the clip frame.
     pub(super) velocity: [f32; 2],
     pub(super) score: Score,
+}
+
+/// The best of several guesses: of two that explain as much the slower one, for what is far away may be another thing.
+///
+/// # Formula
+/// Largest `total - 0.04 / m * |v| seconds * pairs`, `seconds` the time to another sweep near by; the first where equal.
+pub(super) fn better_of(guesses: impl Iterator<Item = Guess>, seconds: f32) -> Option<Guess> {
+    let worth = |guess: &Guess| {
+        let [x, y] = guess.velocity;
+        let moved = (x * x + y * y).sqrt() * seconds;
+        guess.score.total() - FARTHER * f64::from(moved) * guess.score.pairs
+    };
+    guesses.reduce(|best, next| if worth(&next) > worth(&best) { next } else { best })
 }
 
 /// Sites of a cluster that stand for all of them.
@@ -55,7 +70,7 @@ pub(super) fn search(sweeps: &[Sweep], from: usize, sites: &[usize]) -> Option<G
         velocity,
         score: score(sweeps, from, &sites, velocity, Fields::Movable, Tolerance::FINE),
     });
-    guesses.reduce(|best, next| if next.score.total() > best.score.total() { next } else { best })
+    better_of(guesses, seconds)
 }
 
 /// The local maxima among velocities `step` apart, best first.

@@ -100,7 +100,8 @@ impl Sites {
     pub(super) fn of(points: &[[f32; 3]], origin: [f32; 3], ground: &Ground) -> Self {
         let grid = Grid::around(origin, REACH, CELL);
         let stands = |point: [f32; 3]| ground.above(point).is_some_and(|h| HEIGHTS.contains(&h));
-        let cell = |&point: &[f32; 3]| grid.index(point[0], point[1]).filter(|_| stands(point)).map(|cell| (cell, point));
+        let cell =
+            |&point: &[f32; 3]| grid.index(point[0], point[1]).filter(|_| stands(point)).map(|cell| (cell, point));
         let returns: Vec<(usize, [f32; 3])> = points.iter().filter_map(cell).collect();
         let mut of_cell = vec![NONE; grid.len()];
         returns.iter().for_each(|&(cell, _)| of_cell[cell] = 0);

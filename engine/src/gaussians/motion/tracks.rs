@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{
     field::Found,
     score::{Fields, Score, Tolerance, score},
-    search::{FASTEST, Guess, climb, search, some_of},
+    search::{FASTEST, Guess, better_of, climb, search, some_of},
     sweeps::Sweep,
 };
 
@@ -220,17 +220,16 @@ fn joint(sweeps: &[Sweep], seed: &Seed, members: &[Member], seeds: &[Seed]) -> O
     let others = &sweeps[seed.member.sweep].others;
     let longest = others.iter().map(|other| other.seconds.abs()).fold(0.0, f32::max);
     let starts = seeds.iter().filter(|other| members.contains(&other.member)).take(MAX_STARTS);
-    let best = starts
-        .map(|start| {
-            let velocity =
-                climb(start.guess.velocity, 0.2 / longest, 0.02 / longest, |v| total(v, Fields::Movable).total());
-            Guess { velocity, score: total(velocity, Fields::Movable) }
-        })
-        .reduce(|best, next| if next.score.total() > best.score.total() { next } else { best })?;
+    let shortest = others.first().map_or(0.0, |other| other.seconds.abs());
+    let of = |start: &Seed| {
+        let value = |velocity: [f32; 2]| total(velocity, Fields::Movable).total();
+        let velocity = climb(start.guess.velocity, 0.2 / longest, 0.02 / longest, value);
+        Guess { velocity, score: total(velocity, Fields::Movable) }
+    };
+    let best = better_of(starts.map(of), shortest)?;
     let still = total([0.0; 2], Fields::All);
     let num_sites: usize = sites.iter().map(|(_, sites)| sites.len()).sum();
     let speed = length(best.velocity);
-    let shortest = others.first().map_or(0.0, |other| other.seconds.abs());
     let value = best.score.value();
     let seen = still.through >= SEEN_THROUGH * still.pairs
         || (num_sweeps >= UNSEEN.sweeps
