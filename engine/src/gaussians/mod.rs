@@ -2,6 +2,7 @@
 
 pub mod background;
 mod initial;
+pub mod motion;
 pub mod physical;
 
 pub use initial::initial;

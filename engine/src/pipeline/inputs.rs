@@ -4,6 +4,7 @@ use lgs_formats::clip_dir::ClipDir;
 
 use crate::{
     error::{EngineError, Result},
+    gaussians::motion::Motion,
     points::{self, PointCloud},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
@@ -15,6 +16,7 @@ pub struct Inputs<'a> {
     frames: Vec<usize>,
     frame: ClipFrame,
     views: Vec<View>,
+    motion: Motion,
 }
 
 impl<'a> Inputs<'a> {
@@ -26,8 +28,26 @@ impl<'a> Inputs<'a> {
         let allowed = |view: &View| view.role == Role::Input && frames.input.contains(&view.frame);
         match views.iter().find(|view| !allowed(view)) {
             Some(view) => Err(EngineError::Leak { frame: view.frame }),
-            None => Ok(Self { dir, frames: frames.input.clone(), frame, views }),
+            None => Ok(Self { dir, frames: frames.input.clone(), frame, views, motion: Motion::default() }),
         }
+    }
+
+    /// The same with initial velocities as `motion` says.
+    #[must_use]
+    pub fn with_motion(self, motion: Motion) -> Self {
+        Self { motion, ..self }
+    }
+
+    /// Where the initial velocities come from.
+    pub const fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// Where the sensor was at each input sweep, metres, clip frame.
+    pub fn sensors(&self) -> Vec<[f32; 3]> {
+        let sweep = |&frame: &usize| &self.dir.clip().frames[frame].lidar;
+        let origins = self.frames.iter().map(|frame| self.frame.points(&sweep(frame).world_from_lidar, &[[0.0; 3]])[0]);
+        origins.collect()
     }
 
     /// The input views.

@@ -11,6 +11,7 @@ use crate::{
     gaussians::{
         self, GaussianSet,
         background::{self, MapFit, Mode},
+        motion,
     },
     points::{self, PointCloud},
     refine::adam::{Adam, AdamSettings, AdamSummary},
@@ -52,8 +53,8 @@ pub struct Reconstruction {
     pub seconds: f64,
 }
 
-/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing.
-const POINT_STEPS: usize = 3;
+/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing, velocities.
+const POINT_STEPS: usize = 4;
 
 /// A reconstruction that has its initial `LiDAR` Gaussians, and nothing else yet.
 #[derive(Debug)]
@@ -78,7 +79,9 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         step();
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
-        let scene = gaussians::initial(&cloud, &colours, &spacing);
+        let mut scene = gaussians::initial(&cloud, &colours, &spacing);
+        step();
+        motion::set_velocities(&mut scene, &painted, &cloud, &inputs.sensors(), inputs.motion());
         step();
         Result::Ok((cloud, scene))
     })?;

@@ -5,7 +5,10 @@ use serde::{Serialize, Serializer};
 use crate::{
     densify::Density,
     evaluate::ViewFigures,
-    gaussians::background::{MapFit, Mode},
+    gaussians::{
+        background::{MapFit, Mode},
+        motion::Motion,
+    },
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
     refine::adam::AdamSummary,
@@ -84,6 +87,8 @@ pub struct Config {
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
     pub background: Mode,
+    /// Where the initial velocities came from.
+    pub motion: Motion,
     /// Who refined: `learned`, or `adam:N` after the steps of the network; `None` for nobody.
     pub refine_with: Option<String>,
     /// Steps of the learned refinement; `None` without a network.

@@ -8,6 +8,7 @@ mod film;
 mod flags;
 mod hostile_clips;
 mod infer;
+mod motion;
 mod network;
 mod plan;
 mod real_clips;
@@ -21,6 +22,7 @@ use libtest_mimic::Trial;
 pub(crate) fn cases() -> Vec<Trial> {
     [
         infer::cases(),
+        motion::cases(),
         adam::cases(),
         shipped::cases(),
         flags::cases(),

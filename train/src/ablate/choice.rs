@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, str::FromStr};
 
-use lgs_engine::pipeline::HoldOut;
+use lgs_engine::{gaussians::motion::Motion, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +21,8 @@ pub struct Choice {
     pub num_frames: Option<usize>,
     /// At most so many cameras, in the clip's order; `None` for all.
     pub num_cameras: Option<usize>,
+    /// Where the initial velocities come from.
+    pub motion: Motion,
 }
 
 /// A choice as it is recorded: what decides the result, without where the clip lies.
@@ -32,12 +34,27 @@ pub struct RecordedChoice {
     image_size: Option<[usize; 2]>,
     num_frames: Option<usize>,
     num_cameras: Option<usize>,
+    /// Records from before there was a choice had none.
+    #[serde(default = "no_motion")]
+    motion: Motion,
+}
+
+const fn no_motion() -> Motion {
+    Motion::None
 }
 
 impl Choice {
     /// The clip in `dir` as it is, its odd frames held out.
-    pub const fn new(dir: PathBuf) -> Self {
-        Self { dir, cameras: None, hold_out: HoldOut::Odd, image_size: None, num_frames: None, num_cameras: None }
+    pub fn new(dir: PathBuf) -> Self {
+        Self {
+            dir,
+            cameras: None,
+            hold_out: HoldOut::Odd,
+            image_size: None,
+            num_frames: None,
+            num_cameras: None,
+            motion: Motion::default(),
+        }
     }
 
     /// What is recorded of it.
@@ -48,6 +65,7 @@ impl Choice {
             image_size: self.image_size.map(|size| [size.height, size.width]),
             num_frames: self.num_frames,
             num_cameras: self.num_cameras,
+            motion: self.motion,
         }
     }
 }
@@ -55,7 +73,7 @@ impl Choice {
 impl FromStr for Choice {
     type Err = String;
 
-    /// `DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]`.
+    /// `DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N][;motion=registered|none]`.
     fn from_str(text: &str) -> Result<Self, String> {
         let mut parts = text.split(';');
         let dir = parts.next().filter(|dir| !dir.is_empty()).ok_or("expected a clip directory, found nothing")?;
@@ -71,7 +89,13 @@ impl FromStr for Choice {
                     let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
                     choice.num_frames = Some(count.ok_or("frames: expected a number from 1 to 1000000")?);
                 }
-                _ => return Err(format!("expected hold-out=, cameras=, image-size= or frames=, found {part:?}")),
+                Some(("motion", "registered")) => choice.motion = Motion::Registered,
+                Some(("motion", "none")) => choice.motion = Motion::None,
+                _ => {
+                    return Err(format!(
+                        "expected hold-out=, cameras=, image-size=, frames= or motion=, found {part:?}"
+                    ));
+                }
             }
         }
         Ok(choice)
@@ -80,21 +104,24 @@ impl FromStr for Choice {
 
 #[cfg(test)]
 mod tests {
-    use super::{Choice, HoldOut};
+    use super::{Choice, HoldOut, Motion};
 
     #[test]
     fn a_clip_and_its_options_are_read() {
         let plain: Choice = "a/b".parse().unwrap();
         assert_eq!(plain, Choice::new("a/b".into()));
-        let all: Choice = "c;hold-out=1;cameras=A,B;image-size=304x484;frames=5".parse().unwrap();
+        let all: Choice = "c;hold-out=1;cameras=A,B;image-size=304x484;frames=5;motion=none".parse().unwrap();
         assert_eq!((all.hold_out, all.num_frames), (HoldOut::List(vec![1]), Some(5)));
+        assert_eq!((plain.motion, all.motion), (Motion::Registered, Motion::None));
         assert_eq!(all.cameras, Some(vec!["A".to_owned(), "B".to_owned()]));
         assert_eq!(all.image_size.map(|size| [size.height, size.width]), Some([304, 484]));
     }
 
     #[test]
     fn what_makes_no_sense_is_refused() {
-        for text in ["", ";frames=3", "c;frames=0", "c;hold-out=even", "c;image-size=3", "c;size=3x4", "c;"] {
+        for text in
+            ["", ";frames=3", "c;frames=0", "c;hold-out=even", "c;image-size=3", "c;size=3x4", "c;motion=fast", "c;"]
+        {
             assert!(text.parse::<Choice>().is_err(), "{text}");
         }
     }

@@ -46,7 +46,7 @@ impl<'a> Subject<'a> {
         let frames = selection.frames(clip)?;
         let frame = ClipFrame::of(clip, frames.input.first().copied().unwrap_or(0));
         let load = |role| load_views(dir, &selection, role, &frame, &|| ());
-        let inputs = Inputs::new(dir, &frames, frame, load(Role::Input)?)?;
+        let inputs = Inputs::new(dir, &frames, frame, load(Role::Input)?)?.with_motion(choice.motion);
         Ok(Self { dir, frame, inputs, held_out: load(Role::HeldOut)?, frames, lpips })
     }
 

@@ -127,7 +127,8 @@ fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
     let mut updated = set.clone();
     for outcome in outcomes {
         // Seen in the loss, so that the step changes nothing.
-        for i in add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?) {
+        let left_out = add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?);
+        for i in left_out.not_finite.into_iter().chain(left_out.carried_away) {
             (updated.attributes[i], updated.velocities[i]) = ([f32::NAN; NUM_ATTRIBUTES], [f32::NAN; 3]);
         }
     }

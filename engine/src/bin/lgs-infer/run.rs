@@ -59,6 +59,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     check_memory(&dir, &job.selection)?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
+    let inputs = inputs.with_motion(args.motion.motion());
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -221,6 +222,7 @@ impl<'a> Job<'a> {
             frames,
             hold_out: self.frames.held_out.clone(),
             background: recipe.background,
+            motion: inputs.motion(),
             refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {
                 0 => "learned".to_owned(),
                 steps => format!("adam:{steps}"),

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::{
-    gaussians::{LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, physical::sigmoid},
+    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, physical::sigmoid},
     views::PinholeView,
 };
 
@@ -40,7 +40,7 @@ impl Coverage {
     /// Nothing: adds round Gaussians.
     pub(super) fn add(&mut self, view: &PinholeView, rounds: &[Round]) {
         for round in rounds {
-            let [x, y, z] = view.to_camera(round.mean);
+            let [x, y, z] = view.to_camera(round.at(view.time));
             if z <= crate::views::NEAR {
                 continue;
             }
@@ -84,6 +84,9 @@ impl Coverage {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Round {
     mean: [f32; 3],
+    /// Moment at which it is there, seconds, and its velocity, metres a second.
+    time: f32,
+    velocity: [f32; 3],
     /// Standard deviation, metres.
     scale: f32,
     opacity: f32,
@@ -92,12 +95,28 @@ pub(super) struct Round {
 }
 
 impl Round {
-    /// Those of raw attributes; the first log scale counts.
+    /// Those of a set, which move; the first log scale counts.
+    pub(super) fn moving(set: &GaussianSet) -> Vec<Self> {
+        let mut rounds = Self::of(&set.attributes);
+        for (round, (&time, &velocity)) in rounds.iter_mut().zip(set.times.iter().zip(&set.velocities)) {
+            (round.time, round.velocity) = (time, velocity);
+        }
+        rounds
+    }
+
+    /// Its mean at a moment, metres.
+    fn at(&self, time: f32) -> [f32; 3] {
+        std::array::from_fn(|k| self.mean[k] + self.velocity[k] * (time - self.time))
+    }
+
+    /// Those of raw attributes, which stand still; the first log scale counts.
     pub(super) fn of(rows: &[[f32; NUM_ATTRIBUTES]]) -> Vec<Self> {
         let of = |row: &[f32; NUM_ATTRIBUTES]| {
             let opacity = sigmoid(row[LOGIT_OPACITY]);
             Self {
                 mean: [row[MEAN.start], row[MEAN.start + 1], row[MEAN.start + 2]],
+                time: 0.0,
+                velocity: [0.0; 3],
                 scale: row[LOG_SCALE.start].exp(),
                 opacity,
                 log_opacity: (opacity / MIN_ALPHA).ln(),

@@ -94,7 +94,7 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
 
 /// Nothing: appends one Gaussian for every uncovered pixel of a known depth.
 fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet]) {
-    let rounds = Round::of(&set.attributes);
+    let rounds = Round::moving(set);
     let covered = |view: &&View| {
         let mut coverage = Coverage::new(&view.pinhole);
         coverage.add(&view.pinhole, &rounds);

@@ -69,6 +69,7 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
         ("background", word(&config.background)),
         ("depth maps", depth_maps(page.metrics)),
+        ("initial velocities", word(&config.motion)),
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),

@@ -3,9 +3,27 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lgs_engine::{network::source::ModelSource, pipeline::HoldOut};
+use lgs_engine::{gaussians::motion::Motion, network::source::ModelSource, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
 use lgs_train::ablate::{choice::Choice, job::Short, settings::Settings};
+
+/// `--motion`.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum MotionArg {
+    /// From input sweeps that are registered to each other
+    Registered,
+    /// All are zero
+    None,
+}
+
+impl MotionArg {
+    const fn motion(self) -> Motion {
+        match self {
+            Self::Registered => Motion::Registered,
+            Self::None => Motion::None,
+        }
+    }
+}
 
 /// Flags of `ablate`.
 #[derive(Clone, Debug, Args)]
@@ -28,8 +46,14 @@ pub(crate) struct AblateArgs {
     /// At most so many frames of a scene [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<usize>,
+    /// Where the initial velocities in the scenes come from
+    #[arg(long, value_enum, default_value_t = MotionArg::Registered)]
+    pub(crate) motion: MotionArg,
     /// A clip that stands for itself, with its own options; may be given several times
-    #[arg(long = "clip", value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N]")]
+    #[arg(
+        long = "clip",
+        value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N][;motion=registered|none]"
+    )]
     pub(crate) clips: Vec<Choice>,
     /// Most steps of the learned refinement
     #[arg(long, value_name = "N", default_value_t = 5)]
@@ -73,6 +97,7 @@ impl AblateArgs {
             image_size: Some(self.image_size),
             hold_out: self.hold_out.clone(),
             num_frames: self.frames,
+            motion: self.motion.motion(),
             ..Choice::new(dir)
         }
     }

@@ -14,7 +14,9 @@ use lgs_engine::{
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-use values::{BackgroundArg, DensityArg, PresetArg, RefineWith, Switch, budget, pictures, rate, score, seconds};
+use values::{
+    BackgroundArg, DensityArg, MotionArg, PresetArg, RefineWith, Switch, budget, pictures, rate, score, seconds,
+};
 pub(crate) use values::{PathArg, ViewsArg, word};
 
 /// Largest number of threads that may be asked for.
@@ -121,6 +123,10 @@ pub(crate) struct Args {
     /// [default: auto]
     #[arg(long, value_enum)]
     background: Option<BackgroundArg>,
+
+    /// How fast the LiDAR Gaussians move at first: `registered`: as input sweeps say that are registered to each other; `none`: not at all
+    #[arg(long, value_enum, default_value_t = MotionArg::Registered)]
+    pub(crate) motion: MotionArg,
 
     /// Views to draw, measure and write: `all`, `held-out` or `none`
     #[arg(long, value_enum, default_value_t = ViewsArg::All)]

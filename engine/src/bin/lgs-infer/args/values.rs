@@ -3,7 +3,11 @@
 use std::{path::PathBuf, str::FromStr};
 
 use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode, plan::Named};
+use lgs_engine::{
+    densify::Density,
+    gaussians::{background::Mode, motion::Motion},
+    plan::Named,
+};
 use lgs_formats::camera_path::MAX_POSES;
 
 /// Most steps of per-scene optimisation that may be asked for.
@@ -61,6 +65,23 @@ impl FromStr for RefineWith {
 pub(crate) enum Switch {
     On,
     Off,
+}
+
+/// `--motion`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MotionArg {
+    Registered,
+    None,
+}
+
+impl MotionArg {
+    /// The engine's word for it.
+    pub(crate) const fn motion(self) -> Motion {
+        match self {
+            Self::Registered => Motion::Registered,
+            Self::None => Motion::None,
+        }
+    }
 }
 
 /// `--background`.
