@@ -33,7 +33,7 @@ const STREET: u64 = 7;
 pub fn make(size: &Size, dir: &Path) -> Result<Written> {
     let scene = Scene::new(config(size)?)?;
     let name = format!("street of {size}");
-    let export = Export { name, images: ImageFormat::Jpeg(QUALITY), masks: false };
+    let export = Export { name, images: ImageFormat::Jpeg(QUALITY), masks: false, depth: None };
     Ok(write(&scene, dir, &export, &|| ())?)
 }
 
