@@ -115,7 +115,8 @@ impl PowerLaw {
     /// # Formula
     /// Least squares of the logarithms: exponent `Sxy / Sxx`, its standard error `sqrt(sum of squared residuals / (n - 2) / Sxx)`.
     pub fn of(samples: &[Sample], floor: f64) -> Option<Self> {
-        let counts = |sample: &&Sample| sample.work > 0.0 && sample.cost >= floor && sample.cost > 0.0;
+        let is_known = |value: f64| value > 0.0 && value.is_finite();
+        let counts = |sample: &&Sample| is_known(sample.work) && is_known(sample.cost) && sample.cost >= floor;
         let logs: Vec<[f64; 2]> = samples.iter().filter(counts).map(|s| [s.work.ln(), s.cost.ln()]).collect();
         let ends = |k: usize| {
             let values = || logs.iter().map(move |point| point[k]);
@@ -132,7 +133,9 @@ impl PowerLaw {
         let exponent = sxy / sxx;
         let squares: f64 = logs.iter().map(|[x, y]| (y - y0 - exponent * (x - x0)).powi(2)).sum();
         let standard_error = (squares / (n - 2.0) / sxx).sqrt();
-        Some(Self { exponent, standard_error, factor: (y0 - exponent * x0).exp(), sizes: logs.len() })
+        // Work over a rate next to nothing may differ beyond what logarithms say.
+        let is_sound = exponent.is_finite() && standard_error.is_finite();
+        is_sound.then(|| Self { exponent, standard_error, factor: (y0 - exponent * x0).exp(), sizes: logs.len() })
     }
 
     /// The cost of a work.
@@ -153,6 +156,14 @@ mod tests {
     fn law(samples: &[[f64; 2]], floor: f64) -> Option<PowerLaw> {
         let samples: Vec<Sample> = samples.iter().map(|&[work, cost]| Sample { work, cost }).collect();
         PowerLaw::of(&samples, floor)
+    }
+
+    #[test]
+    fn what_is_not_finite_does_not_count() {
+        let sound = [[1e3, 1.0], [1e4, 10.0], [1e5, 100.0]];
+        let spoiled = [sound.as_slice(), &[[f64::INFINITY, 3.0], [10.0, f64::NAN]]].concat();
+        assert_eq!(law(&spoiled, 0.0), law(&sound, 0.0));
+        assert!(law(&spoiled[2..], 0.0).is_none());
     }
 
     #[test]
