@@ -26,10 +26,11 @@ pub fn run(name: &str, input: &[u8]) {
 
 /// The targets of this build.
 pub fn targets() -> Vec<Target> {
-    let mut all = hostile::TARGETS.to_vec();
     #[cfg(feature = "models")]
-    all.extend(hostile_models::TARGETS);
-    all
+    let models: &[Target] = &hostile_models::TARGETS;
+    #[cfg(not(feature = "models"))]
+    let models: &[Target] = &[];
+    [&hostile::TARGETS, models].concat()
 }
 
 /// The folder of a target.
