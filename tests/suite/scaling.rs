@@ -80,14 +80,14 @@ fn sizes_are_measured_once_and_laws_are_finite() -> Outcome {
         }
     }
     let laws: Vec<&Value> =
-        rows.iter().flat_map(|row| [&row["time"], &row["memory"]]).filter(|law| !law.is_null()).collect();
+        rows.iter().flat_map(|row| [&row["time"]["law"], &row["memory"]["law"]]).filter(|law| !law.is_null()).collect();
     for law in &laws {
         let (exponent, error) = (metrics::number(law, &["exponent"])?, metrics::number(law, &["standard_error"])?);
         if !(-1.0..3.0).contains(&exponent) || !(0.0..3.0).contains(&error) {
             return Err(format!("a law: {law}").into());
         }
     }
-    let of_total = rows.iter().filter(|row| row["part"] == "total" && !row["time"].is_null()).count();
+    let of_total = rows.iter().filter(|row| row["part"] == "total" && !row["time"]["law"].is_null()).count();
     if of_total != 2 {
         return Err(format!("{of_total} laws of the whole time").into());
     }
