@@ -145,9 +145,11 @@ pub fn refine_and_show(
     let judged = turns.take_all(views.len());
     let mut carried = None;
     for index in 0..steps {
-        let begun = Instant::now();
+        let looked = Instant::now();
         let chosen = turns.of_step(index, &views);
         let mut current = carried.take().unwrap_or_else(|| measured(set, &chosen, wanted(guidance), &mut summary));
+        // What the next step will take again: of steps that are judged, only the first begins with a measurement of its own.
+        let begun = if judged { Instant::now() } else { looked };
         let before = set.clone();
         summary.non_finite_gradients += silence_guide(&mut current, guidance);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();

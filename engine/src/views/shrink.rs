@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 use rayon::prelude::*;
 
-use super::{DepthSample, PinholeView, View};
+use super::{DepthSample, PinholeView, View, to_f32};
 
 /// `views`, each `factor` times smaller in width and height; nothing is copied for a factor of 1.
 pub fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {
@@ -63,13 +63,13 @@ impl View {
     }
 
     pub(super) fn mean_colour(&self, pixels: impl Iterator<Item = usize>) -> [f32; 3] {
-        let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+        let (mut sum, mut count) = ([0.0_f64; 3], 0.0_f64);
         for pixel in pixels {
             let colour = &self.image.data[3 * pixel..3 * pixel + 3];
-            sum = std::array::from_fn(|k| sum[k] + colour[k]);
+            sum = std::array::from_fn(|k| sum[k] + f64::from(colour[k]));
             count += 1.0;
         }
-        sum.map(|channel| channel / count.max(1.0))
+        sum.map(|channel| to_f32(channel / count.max(1.0)))
     }
 }
 
