@@ -11,7 +11,7 @@ use crate::render::{RenderedWithState, backward_visible, blended_sums, render_fo
 use crate::views::{View, to_f32};
 
 /// Colour behind all Gaussians.
-const BEHIND: [f32; 3] = [0.0; 3];
+pub(crate) const BEHIND: [f32; 3] = [0.0; 3];
 
 /// A blending weight below which a Gaussian counts less, pixels.
 const FAINT: f64 = 0.05;
@@ -49,6 +49,8 @@ pub struct Objective {
     pub gradient: RawGradient,
     /// Empty when they were not wanted.
     pub mean_residuals: MeanResiduals,
+    /// `[H, W, 3]` of each view, as drawn; empty when they were not wanted.
+    pub images: Vec<Vec<f32>>,
     /// `[N]` whether any view shows the Gaussian's footprint.
     pub seen: Vec<bool>,
     /// What it took.
@@ -62,6 +64,8 @@ pub struct Wanted {
     pub gradient: bool,
     /// What every Gaussian sees of the errors.
     pub mean_residuals: bool,
+    /// The drawn colours.
+    pub images: bool,
 }
 
 /// The loss of the scene over `views`, and its gradient.
@@ -72,7 +76,7 @@ pub struct Wanted {
 /// # Gradient
 /// Exact, by all 14 raw attributes and the velocities of both branches; views are added in their order.
 pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Objective {
-    objective_with(set, views, weights, Wanted { gradient: true, mean_residuals: false })
+    objective_with(set, views, weights, Wanted { gradient: true, ..Wanted::default() })
 }
 
 /// As [`objective`], with what is `wanted` beside the loss.
@@ -89,6 +93,7 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
     let mut blended = vec![[0.0_f64; 2]; residuals.0.len()];
     let mut seen = vec![false; splats.len()];
     let (mut loss, mut terms, mut loss_s) = (0.0, Terms::default(), 0.0);
+    let mut images = Vec::new();
     let share = 1.0 / views.len().max(1) as f32;
     for view in views {
         let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
@@ -113,6 +118,9 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
                 blended[i][1] += error;
             }
         }
+        if wanted.images {
+            images.push(state.images.rgb);
+        }
     }
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
@@ -126,7 +134,7 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
     }
     let mean_residuals = over_weights(residuals.raw(set), &blended);
     let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
-    Objective { loss, terms, gradient, mean_residuals, seen, seconds }
+    Objective { loss, terms, gradient, mean_residuals, images, seen, seconds }
 }
 
 /// Sums over pixels, and those of the weight and of the absolute error, as means under every Gaussian.
@@ -147,7 +155,7 @@ fn absolute(rgb: &[f32]) -> Vec<f32> {
 }
 
 /// `[H, W]` 1 where a pixel takes part, 0 where it is ignored.
-fn counted_pixels(view: &View) -> Vec<f32> {
+pub(crate) fn counted_pixels(view: &View) -> Vec<f32> {
     let labels = view.labels.as_deref().unwrap_or_default();
     let counts = |&label: &PixelLabel| if label == PixelLabel::Ignored { 0.0 } else { 1.0 };
     let mut counted: Vec<f32> = labels.iter().map(counts).collect();

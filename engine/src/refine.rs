@@ -1,6 +1,7 @@
 //! The learned refinement: render, loss, gradient, network, update, a few times over.
 
 pub mod adam;
+mod lengths;
 mod turns;
 
 use std::{borrow::Cow, time::Instant};
@@ -9,7 +10,7 @@ use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
 use crate::loss::LossWeights;
 use crate::network::buffers::Buffers;
-use crate::network::config::Guidance;
+use crate::network::config::{Guidance, ModelConfig, StepLength};
 use crate::network::guide::{Guide, refine_inputs, refine_rows};
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::FoldedModel;
@@ -19,6 +20,7 @@ use crate::objective::{Objective, Wanted, objective_with};
 use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
+pub use lengths::{lengthen, step_lengths};
 pub use turns::Turns;
 
 /// How far a refinement goes, and what its steps look at.
@@ -103,7 +105,8 @@ impl Pyramid {
 /// Refines the scene in place over the input views.
 ///
 /// # Formula
-/// `g <- g + r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches. Where every step looks at all views, a step
+/// `g <- g + l r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches; l is 1, or for each Gaussian that of
+/// [`step_lengths`] where the model's config asks for it. Where every step looks at all views, a step
 /// after which their loss has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than
 /// its start. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
 ///
@@ -142,7 +145,7 @@ pub fn refine_and_show(
     set.check_finite()?;
     let reduced = at_factor(views, reduce);
     let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    let guidance = model.config.guidance;
+    let (guidance, wanted) = (model.config.guidance, wanted(&model.config));
     let judged = turns.take_all(views.len());
     let mut carried = None;
     for index in 0..steps {
@@ -150,7 +153,7 @@ pub fn refine_and_show(
         let chosen = turns.of_step(index, &views);
         let mut current = match carried.take() {
             Some(measured) => measured,
-            None => measured(set, &chosen, wanted(guidance), &mut summary)?,
+            None => measured(set, &chosen, wanted, &mut summary)?,
         };
         // What the next step will take again: of steps that are judged, only the first begins with a measurement of its own.
         let begun = if judged { Instant::now() } else { looked };
@@ -166,8 +169,13 @@ pub fn refine_and_show(
             summary.stopped_early = true;
             break;
         }
+        if model.config.step_length == StepLength::Local {
+            let start = Instant::now();
+            lengthen(set, &before, &step_lengths(&current.images, set, &chosen));
+            summary.seconds.render += start.elapsed().as_secs_f64();
+        }
         if judged {
-            let next = if index + 1 < steps { wanted(guidance) } else { Wanted::default() };
+            let next = if index + 1 < steps { wanted } else { Wanted::default() };
             let after = measured(set, &chosen, next, &mut summary)?;
             // Written so that a loss that is not a number counts as no gain.
             let fell = after.loss < current.loss;
@@ -202,10 +210,11 @@ fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut Re
 }
 
 /// What a model asks of the objective beside the loss.
-pub const fn wanted(guidance: Guidance) -> Wanted {
-    match guidance {
-        Guidance::Gradient => Wanted { gradient: true, mean_residuals: false },
-        Guidance::Residual => Wanted { gradient: false, mean_residuals: true },
+pub fn wanted(config: &ModelConfig) -> Wanted {
+    Wanted {
+        gradient: config.guidance == Guidance::Gradient,
+        mean_residuals: config.guidance == Guidance::Residual,
+        images: config.step_length == StepLength::Local,
     }
 }
 

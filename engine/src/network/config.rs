@@ -27,6 +27,9 @@ pub struct ModelConfig {
     /// What tells a refinement step how the rendered views differ from the input views.
     #[serde(default, skip_serializing_if = "Guidance::is_gradient")]
     pub guidance: Guidance,
+    /// How far a refinement step goes.
+    #[serde(default, skip_serializing_if = "StepLength::is_learned")]
+    pub step_length: StepLength,
     /// Width of a hidden layer of the heads, which reads what is each Gaussian's own beside the features of its voxel; absent: linear heads
     /// on the features.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -56,6 +59,24 @@ impl Guidance {
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
     fn is_gradient(&self) -> bool {
         *self == Self::Gradient
+    }
+}
+
+/// How far a refinement step goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepLength {
+    /// As far as the network says.
+    #[default]
+    Learned,
+    /// Every Gaussian as far along the network's step as the rendered views say once it is made: one more rendering of each.
+    Local,
+}
+
+impl StepLength {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+    fn is_learned(&self) -> bool {
+        *self == Self::Learned
     }
 }
 

@@ -99,7 +99,7 @@ pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], w
 }
 
 /// Whether a mean leaves the scene: the voxel grid ends somewhere behind it.
-fn is_carried_away(before: &[f32], after: &[f32]) -> bool {
+pub(crate) fn is_carried_away(before: &[f32], after: &[f32]) -> bool {
     after.iter().zip(before).any(|(after, before)| after.abs() > REACH.max(before.abs()))
 }
 

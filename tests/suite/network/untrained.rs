@@ -1,7 +1,7 @@
 //! A network whose heads are still zero changes nothing.
 
 use lgs_engine::gaussians::{GaussianSet, MEAN, QUAT};
-use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig};
+use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig, StepLength};
 use lgs_engine::network::model::FoldedModel;
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::predict::{QuerySkipped, backbone, predict, query};
@@ -25,6 +25,7 @@ fn model() -> Result<FoldedModel, String> {
         voxel_size: 0.2,
         background_voxel_size: 1.0,
         guidance: Guidance::default(),
+        step_length: StepLength::default(),
         head_width: None,
         unet: unet.clone(),
         background_unet: unet,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig};
+use lgs_engine::network::config::{Guidance, MODEL_FORMAT, ModelConfig, QueryConfig, StepLength};
 use lgs_engine::network::policy::{Cycle, PolicyConfig, StageConfig};
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::ops::serialization::Curve;
@@ -33,6 +33,7 @@ pub(crate) fn config() -> ModelConfig {
         voxel_size: 0.4,
         background_voxel_size: 1.0,
         guidance: Guidance::default(),
+        step_length: StepLength::default(),
         head_width: None,
         unet: unet.clone(),
         background_unet: unet,

@@ -10,11 +10,11 @@ use lgs_engine::{
     gaussians::{GaussianSet, NUM_ATTRIBUTES, RawGradient},
     loss::LossWeights,
     network::{
-        config::Guidance,
+        config::{Guidance, ModelConfig, StepLength},
         normalise::{add_residuals, residual_gradients},
     },
     objective::{Objective, Terms, Wanted, objective, objective_with},
-    refine::{silence_guide, wanted},
+    refine::{lengthen, silence_guide, step_lengths, wanted},
     views::View,
 };
 use rayon::prelude::*;
@@ -74,9 +74,9 @@ pub fn compute(
     let passes = Passes { model: &model, config: variables.config(), batch_statistics };
     let mut gradients = variables.zeros();
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
-    let guidance = variables.config().guidance;
+    let config = variables.config();
     let look = |set: &GaussianSet, truth: Option<&TrueVelocities>| {
-        let mut looked = Looked::at(set, [&inputs, &targets], settings, guidance);
+        let mut looked = Looked::at(set, [&inputs, &targets], settings, config);
         if let Some(truth) = truth {
             let gradient = truth.gradient(set, settings.velocity);
             let velocities = looked.gradient.velocities.iter_mut().zip(&gradient);
@@ -103,13 +103,19 @@ pub fn compute(
 
     let mut set = perturbed.set;
     for _ in 0..settings.refine_steps {
-        silence_guide(&mut looked.inputs, guidance);
+        silence_guide(&mut looked.inputs, config.guidance);
         let before = &looked.inputs;
         let outcomes = self::outcomes(|branch| passes.refine(&set, before, branch))?;
-        let next = self::updated(&set, &outcomes)?;
+        let mut next = self::updated(&set, &outcomes)?;
+        let local = config.step_length == StepLength::Local;
+        let lengths = local.then(|| step_lengths(&before.images, &next, &inputs));
+        if let Some(lengths) = &lengths {
+            lengthen(&mut next, &set, lengths);
+        }
         looked = look(&next, truth.as_ref());
         losses.push(looked.losses);
-        carry_back(variables, &set, &outcomes, &looked.gradient, &mut gradients)?;
+        let gradient = along_steps(std::mem::take(&mut looked.gradient), &lengths.unwrap_or_default());
+        carry_back(variables, &set, &outcomes, &gradient, &mut gradients)?;
         set = next;
     }
     let velocity = truth.map(|truth| truth.errors(&set)).unwrap_or_default();
@@ -133,6 +139,13 @@ fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
         }
     }
     Ok(updated)
+}
+
+/// Gradients by steps of these lengths, which are constants, from those by where they end.
+fn along_steps(mut gradient: RawGradient, lengths: &[f32]) -> RawGradient {
+    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities).zip(lengths);
+    rows.for_each(|((attributes, velocity), length)| attributes.iter_mut().chain(velocity).for_each(|g| *g *= length));
+    gradient
 }
 
 /// Adds the gradients by the parameters of the passes that made `outcomes`.
@@ -161,9 +174,10 @@ struct Looked {
 }
 
 impl Looked {
-    fn at(set: &GaussianSet, [inputs, targets]: [&[&View]; 2], settings: &Settings, guidance: Guidance) -> Self {
+    fn at(set: &GaussianSet, [inputs, targets]: [&[&View]; 2], settings: &Settings, config: &ModelConfig) -> Self {
+        let guidance = config.guidance;
         let weights = LossWeights { psnr: narrow(settings.psnr), ..LossWeights::default() };
-        let mut by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(guidance) });
+        let mut by_inputs = objective_with(set, inputs, &weights, Wanted { gradient: true, ..wanted(config) });
         let trained = match guidance {
             Guidance::Residual => std::mem::take(&mut by_inputs.gradient),
             Guidance::Gradient => by_inputs.gradient.clone(),
