@@ -34,7 +34,7 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
     let dir = ClipDir::open(clip).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
     let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
-    check_memory(&dir, &selection, Flags { images: "--image-size", returns: "--cameras" })?;
+    check_memory(&dir, &selection, Flags { images: "--image-size", returns: "CLIPS" })?;
     let frames = selection.frames(dir.clip())?;
     let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
     let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ())?;
