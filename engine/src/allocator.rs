@@ -83,6 +83,16 @@ pub fn available_bytes() -> Option<u64> {
     [free, space, group].into_iter().flatten().min()
 }
 
+/// As [`available_bytes`]; where that is less than `need`, what was freed and kept is given back before it is told.
+pub fn available_for(need: u64) -> Option<u64> {
+    let at_once = available_bytes()?;
+    if at_once >= need {
+        return Some(at_once);
+    }
+    trim();
+    available_bytes()
+}
+
 fn kibibytes_of(page: &str, key: &str) -> Option<u64> {
     let line = page.lines().find_map(|line| line.strip_prefix(key))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)

@@ -17,6 +17,7 @@ use crate::network::model::FoldedModel;
 use crate::network::normalise::add_residuals;
 use crate::network::pass::{FoldedPass, gather, with_own};
 use crate::objective::{Objective, Wanted, objective_with};
+use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
 pub use lengths::{lengthen, step_lengths};
@@ -113,7 +114,7 @@ impl Pyramid {
 /// The loss gradients are inputs of the network and constants.
 ///
 /// # Errors
-/// When a value of the scene is not finite, or a position leaves the voxel grid.
+/// When a value of the scene is not finite, a position leaves the voxel grid, or a view cannot be drawn in the memory that is free.
 pub fn refine(
     set: &mut GaussianSet,
     views: &[&View],
@@ -150,7 +151,10 @@ pub fn refine_and_show(
     for index in 0..steps {
         let looked = Instant::now();
         let chosen = turns.of_step(index, &views);
-        let mut current = carried.take().unwrap_or_else(|| measured(set, &chosen, wanted, &mut summary));
+        let mut current = match carried.take() {
+            Some(measured) => measured,
+            None => measured(set, &chosen, wanted, &mut summary)?,
+        };
         // What the next step will take again: of steps that are judged, only the first begins with a measurement of its own.
         let begun = if judged { Instant::now() } else { looked };
         let before = set.clone();
@@ -172,7 +176,7 @@ pub fn refine_and_show(
         }
         if judged {
             let next = if index + 1 < steps { wanted } else { Wanted::default() };
-            let after = measured(set, &chosen, next, &mut summary);
+            let after = measured(set, &chosen, next, &mut summary)?;
             // Written so that a loss that is not a number counts as no gain.
             let fell = after.loss < current.loss;
             if !fell {
@@ -193,12 +197,16 @@ pub fn refine_and_show(
 }
 
 /// The objective, noted in the summary.
-fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut RefineSummary) -> Objective {
+///
+/// # Errors
+/// As [`Probes::check`].
+fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut RefineSummary) -> Result<Objective> {
+    Probes::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
     let found = objective_with(set, views, &LossWeights::default(), wanted);
     summary.losses.push(found.loss);
     summary.seconds.render += found.seconds.render;
     summary.seconds.loss += found.seconds.loss;
-    found
+    Ok(found)
 }
 
 /// What a model asks of the objective beside the loss.

@@ -7,14 +7,15 @@ use crate::error::{FormatError, Result};
 /// Largest sweep, image, mask or splat cloud that is read, bytes.
 pub(crate) const MAX_DATA_BYTES: u64 = 4 << 30;
 
-/// Bytes that any packed file may unfold to.
-const UNPACKED_BYTES: u64 = 64 << 20;
-/// Times its own size that a larger one may unfold to: sensor data do so 1.5 to 3 times, what is made to fill a memory 1000 times.
-const UNPACKED_SHARE: u64 = 4;
+/// Bytes that any packed file may unfold to: several times a sweep of any sensor, which unfold 1.5 to 3 times; what is made to fill a memory
+/// does so 1000 times.
+const UNPACKED_BYTES: u64 = 16 << 20;
 
 /// Most bytes that a packed file, or part of one, of `packed` bytes may unfold to.
+///
+/// What is read of them takes three times as much at most, so that no input takes more memory than 64 MB and four times its size.
 pub(crate) const fn unpacked_limit(packed: u64) -> u64 {
-    packed.saturating_mul(UNPACKED_SHARE).saturating_add(UNPACKED_BYTES)
+    packed.saturating_add(packed / 3).saturating_add(UNPACKED_BYTES)
 }
 
 /// What `reader` unfolds of a file of `packed` bytes; `kind` is what errors call the packing.

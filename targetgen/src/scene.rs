@@ -5,8 +5,9 @@ use std::path::Path;
 use half::f16;
 use lgs_engine::gaussians::{GaussianSet, background::Mode};
 use lgs_engine::network::model::FoldedModel;
-use lgs_engine::pipeline::{Inputs, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Flags, Inputs, Silent, Watch, check_memory, reconstruct};
 use lgs_engine::predict::{backbone, predict, query};
+use lgs_engine::render::{Pass, Probes};
 use lgs_engine::views::{ClipFrame, Role, Selection, View, load_views};
 use lgs_formats::clip_dir::ClipDir;
 use lgs_formats::image::ImageSize;
@@ -28,11 +29,12 @@ pub struct PredictedScene {
 /// The scene of a clip: the initial set or, with a model, what its first pass predicts from it.
 ///
 /// # Errors
-/// Whatever is wrong with the clip, and features that are asked for without a model.
+/// Whatever is wrong with the clip, features that are asked for without a model, and more work than there is memory for.
 pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedModel>) -> Result<PredictedScene> {
     let dir = ClipDir::open(clip).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
     let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
+    check_memory(&dir, &selection, Flags { images: "--image-size", returns: "CLIPS" })?;
     let frames = selection.frames(dir.clip())?;
     let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
     let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ())?;
@@ -45,7 +47,9 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
         }
         None => None,
     };
-    Ok(PredictedScene { set, views: inputs.into_views(), features })
+    let views = inputs.into_views();
+    Probes::of_set(&set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+    Ok(PredictedScene { set, views, features })
 }
 
 /// The network's first prediction; the policy and the refinement do not run.

@@ -71,7 +71,8 @@ pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
     (0..set.len()).into_par_iter().with_min_len(4096).map(|i| splat_of(set, i)).collect()
 }
 
-fn splat_of(set: &GaussianSet, i: usize) -> Splat {
+/// The physical values of Gaussian `i`.
+pub(crate) fn splat_of(set: &GaussianSet, i: usize) -> Splat {
     let row = &set.attributes[i];
     Splat {
         mean: std::array::from_fn(|k| row[MEAN.start + k]),

@@ -8,7 +8,7 @@ use crate::{
     error::{EngineError, Result},
     evaluate::{ViewFigures, evaluate_view, lpips::Lpips, masks::dynamic_pixels},
     gaussians::physical::Splat,
-    render::{Rendered, render},
+    render::{Pass, Probes, Rendered, render},
     views::{ClipFrame, PinholeView, Role, View},
 };
 
@@ -58,7 +58,7 @@ pub struct RenderedView<'a> {
 /// What `keep` makes of each of `views`, drawn and measured, in their order.
 ///
 /// # Errors
-/// Those of the figures and of `keep`.
+/// Those of the figures and of `keep`; a view that cannot be drawn in the memory that is free.
 pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     drawing: Drawing<'_>,
     views: &[&View],
@@ -66,6 +66,8 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     watch: &mut Watch<'_>,
     keep: &(dyn Fn(RenderedView<'_>) -> std::result::Result<T, E> + Sync),
 ) -> std::result::Result<Vec<T>, E> {
+    let pinholes: Vec<PinholeView> = views.iter().map(|view| pinhole(view, figures)).collect();
+    Probes::of_splats(drawing.scene).check(&pinholes, Pass::Images)?;
     let stages = [Stage::Render, Stage::Evaluate];
     stages.iter().for_each(|&stage| watch.progress.begin(stage, views.len()));
     let mut kept = Vec::with_capacity(views.len());

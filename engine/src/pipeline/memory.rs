@@ -3,7 +3,7 @@
 use lgs_formats::{clip_dir::ClipDir, sweep::count_returns};
 
 use crate::{
-    allocator::available_bytes,
+    allocator::available_for,
     error::{EngineError, Result},
     network::{config::ModelConfig, guide::refine_inputs},
     views::Selection,
@@ -21,6 +21,22 @@ const RETURN: u64 = 12 + 4 + 4 + 16 + 28;
 const REFINED: u64 = 800;
 /// Bytes of a Gaussian beside them while per-scene optimisation runs: two moments of 17 values.
 const MOMENTS: u64 = 2 * 17 * 4;
+
+/// The flags of a program that lower what it needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flags {
+    /// Of the images, and of the background that is made of them.
+    pub images: &'static str,
+    /// Of the returns.
+    pub returns: &'static str,
+}
+
+impl Default for Flags {
+    /// Those of `lgs-infer`.
+    fn default() -> Self {
+        Self { images: "--image-size", returns: "--frames" }
+    }
+}
 
 /// What a run surely needs at one time, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,20 +66,24 @@ impl Need {
         }
     }
 
+    const fn total(&self) -> u64 {
+        self.image_bytes.saturating_add(self.return_bytes)
+    }
+
     /// Nothing, when `available` bytes are enough.
     ///
     /// # Errors
     /// [`EngineError::Setting`] with the flag that lowers the larger part.
-    pub fn check(&self, available: u64) -> Result<()> {
-        let total = self.image_bytes.saturating_add(self.return_bytes);
+    pub fn check(&self, available: u64, flags: Flags) -> Result<()> {
+        let total = self.total();
         if total <= available {
             return Ok(());
         }
         let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
         let (setting, what) = if self.image_bytes >= self.return_bytes {
-            ("--image-size", format!("{} images", self.images))
+            (flags.images, format!("{} images", self.images))
         } else {
-            ("--frames", format!("{} returns", self.returns))
+            (flags.returns, format!("{} returns", self.returns))
         };
         Err(EngineError::Setting {
             setting,
@@ -77,13 +97,14 @@ impl Need {
 ///
 /// # Errors
 /// Those of the selection and of [`Need::check`].
-pub fn check_memory(dir: &ClipDir, selection: &Selection) -> Result<()> {
+pub fn check_memory(dir: &ClipDir, selection: &Selection, flags: Flags) -> Result<()> {
     let sizes = selection.sizes(dir.clip())?;
     let sweeps = selection.frames(dir.clip())?.input.into_iter();
     let files = sweeps.filter_map(|frame| dir.clip().frames.get(frame)).map(|f| dir.root().join(&f.lidar.file));
     // Foreign sweeps say how many returns they hold when they are read, and count as none.
     let returns = files.filter_map(|file| count_returns(&file).ok()).map(|count| count as u64).sum();
-    available_bytes().map_or(Ok(()), |available| Need::of(&sizes, returns).check(available))
+    let need = Need::of(&sizes, returns);
+    available_for(need.total()).map_or(Ok(()), |available| need.check(available, flags))
 }
 
 /// Bytes of a Gaussian while a network of this config refines it: rows of inputs and features, twice while they are gathered, and of a
@@ -99,24 +120,25 @@ fn refined_by(config: &ModelConfig) -> u64 {
 ///
 /// # Errors
 /// [`EngineError::Setting`] with the flag that lowers the larger branch.
-pub fn check_refinement(gaussians: [usize; 2], config: Option<&ModelConfig>) -> Result<()> {
-    available_bytes().map_or(Ok(()), |available| check_gaussians(gaussians, config, available))
+pub fn check_refinement(gaussians: [usize; 2], config: Option<&ModelConfig>, flags: Flags) -> Result<()> {
+    let need = refinement_bytes(gaussians, config);
+    available_for(need).map_or(Ok(()), |available| check_gaussians(gaussians, need, available, flags))
 }
 
-fn check_gaussians([lidar, background]: [usize; 2], config: Option<&ModelConfig>, available: u64) -> Result<()> {
+fn refinement_bytes([lidar, background]: [usize; 2], config: Option<&ModelConfig>) -> u64 {
     let each = config.map_or(REFINED + MOMENTS, refined_by);
-    let total = (lidar as u64).saturating_add(background as u64).saturating_mul(each);
-    if total <= available {
+    (lidar as u64).saturating_add(background as u64).saturating_mul(each)
+}
+
+fn check_gaussians([lidar, background]: [usize; 2], need: u64, available: u64, flags: Flags) -> Result<()> {
+    if need <= available {
         return Ok(());
     }
-    let setting = if lidar >= background { "--frames" } else { "--image-size" };
+    let setting = if lidar >= background { flags.returns } else { flags.images };
     Err(EngineError::Setting {
         setting,
         expected: format!("a scene that can be refined in the {} MB of memory that are free", available / 1_000_000),
-        found: format!(
-            "{lidar} LiDAR and {background} background Gaussians, at least {} MB",
-            total.div_ceil(1_000_000)
-        ),
+        found: format!("{lidar} LiDAR and {background} background Gaussians, at least {} MB", need.div_ceil(1_000_000)),
     })
 }
 
@@ -124,33 +146,39 @@ fn check_gaussians([lidar, background]: [usize; 2], config: Option<&ModelConfig>
 mod tests {
     use std::path::Path;
 
-    use super::{Need, check_gaussians};
+    use super::{Flags, Need, check_gaussians, refinement_bytes};
+    use crate::error::Result;
     use crate::network::config::ModelConfig;
+
+    fn check(gaussians: [usize; 2], config: Option<&ModelConfig>, available: u64) -> Result<()> {
+        check_gaussians(gaussians, refinement_bytes(gaussians, config), available, Flags::default())
+    }
 
     #[test]
     fn the_larger_branch_names_its_flag() {
         let config = ModelConfig::parse(include_str!("../../../models/tiny.json"), Path::new("tiny.json")).unwrap();
         // What the refinement of 10^6 Gaussians was seen to take beside images and sites: 1.6 GB.
-        assert!(check_gaussians([600_000, 400_000], Some(&config), 1_700_000_000).is_ok());
-        let message = check_gaussians([600_000, 400_000], Some(&config), 1_000_000_000).unwrap_err().to_string();
+        assert!(check([600_000, 400_000], Some(&config), 1_700_000_000).is_ok());
+        let message = check([600_000, 400_000], Some(&config), 1_000_000_000).unwrap_err().to_string();
         assert!(message.starts_with("--frames: expected a scene") && message.contains("600000 LiDAR"), "{message}");
-        let message = check_gaussians([4, 1_000_000], None, 900_000_000).unwrap_err().to_string();
+        let message = check([4, 1_000_000], None, 900_000_000).unwrap_err().to_string();
         assert!(message.starts_with("--image-size: expected") && message.contains("at least 937 MB"), "{message}");
-        assert!(check_gaussians([usize::MAX; 2], None, u64::MAX - 1).is_err(), "sums do not wrap");
+        assert!(check([usize::MAX; 2], None, u64::MAX - 1).is_err(), "sums do not wrap");
     }
 
     #[test]
     fn the_larger_part_names_its_flag() {
         let images = Need::of(&[[1000, 1000], [500, 1000]], 10);
         assert_eq!(images.image_bytes, 12 * 1_500_000 + 56 * 1_000_000);
-        assert!(images.check(images.image_bytes + images.return_bytes).is_ok());
-        let message = images.check(1_000_000).unwrap_err().to_string();
+        assert!(images.check(images.image_bytes + images.return_bytes, Flags::default()).is_ok());
+        let message = images.check(1_000_000, Flags::default()).unwrap_err().to_string();
         assert!(
             message.starts_with("--image-size: expected") && message.contains("2 images, and at least 75 MB"),
             "{message}"
         );
         let returns = Need::of(&[[1, 1]], 1 << 40);
-        assert!(returns.check(1 << 30).unwrap_err().to_string().starts_with("--frames: expected"));
-        assert!(Need::of(&[[usize::MAX; 2]; 3], u64::MAX).check(u64::MAX - 1).is_err(), "sums do not wrap");
+        let flags = Flags { returns: "--cameras", ..Flags::default() };
+        assert!(returns.check(1 << 30, flags).unwrap_err().to_string().starts_with("--cameras: expected"));
+        assert!(Need::of(&[[usize::MAX; 2]; 3], u64::MAX).check(u64::MAX - 1, flags).is_err(), "sums do not wrap");
     }
 }

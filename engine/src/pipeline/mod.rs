@@ -16,7 +16,7 @@ mod tests;
 pub use evaluate::{Drawing, Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
-pub use memory::{Need, check_memory, check_refinement};
+pub use memory::{Flags, Need, check_memory, check_refinement};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
 pub use reconstruct::{Begun, GaussianCounts, OptimiseSettings, Reconstruction, begin, optimise, reconstruct};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -4,7 +4,7 @@ use std::{borrow::Cow, time::Instant};
 
 use serde::Serialize;
 
-use super::{Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
+use super::{Flags, Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
 use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
@@ -15,6 +15,7 @@ use crate::{
     },
     points::{self, PointCloud},
     refine::adam::{Adam, AdamSettings, AdamSummary},
+    render::{Pass, Probes},
     views::{View, at_factor},
 };
 
@@ -119,7 +120,7 @@ impl Begun<'_, '_> {
         drop(cloud);
         let initial = scene.num_lidar;
         if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
-            check_refinement([initial, scene.len() - initial], Some(&settings.model.config))?;
+            check_refinement([initial, scene.len() - initial], Some(&settings.model.config), Flags::default())?;
         }
         let views: Vec<&View> = inputs.views().iter().collect();
         let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
@@ -174,7 +175,7 @@ pub struct OptimiseSettings {
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
 ///
 /// # Errors
-/// [`EngineError::Setting`] for more Gaussians than there is memory to optimise them.
+/// [`EngineError::Setting`] for more Gaussians than there is memory to optimise or to draw them.
 pub fn optimise(
     reconstruction: &mut Reconstruction,
     inputs: &Inputs<'_>,
@@ -183,7 +184,7 @@ pub fn optimise(
 ) -> Result<()> {
     let OptimiseSettings { steps, adam, reduce, until } = settings;
     let num_lidar = reconstruction.scene.num_lidar;
-    check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None)?;
+    check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None, Flags::default())?;
     let start = Instant::now();
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
@@ -193,14 +194,15 @@ pub fn optimise(
         let mut adam = Adam::new(scene.len(), adam);
         for _ in 0..steps {
             let begun = Instant::now();
+            Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
             adam.step(scene, &views);
             progress.step(Stage::Refine);
             if until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
                 break;
             }
         }
-        adam.into_summary()
-    });
+        Ok::<_, EngineError>(adam.into_summary())
+    })?;
     watch.times.add_refine(summary.seconds);
     reconstruction.optimisation = Some(summary);
     reconstruction.seconds += start.elapsed().as_secs_f64();

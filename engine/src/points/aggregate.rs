@@ -8,10 +8,13 @@ use crate::{
     views::ClipFrame,
 };
 
+/// Most returns of a cloud: with what a scene makes of them they are counted in 32 bits.
+const MOST_RETURNS: usize = 1 << 30;
+
 /// The returns of `input_frames`, frame by frame, in the clip frame.
 ///
 /// # Errors
-/// Those of [`ClipDir::load_sweep`]; [`EngineError::Setting`] for a frame that the clip does not have.
+/// Those of [`ClipDir::load_sweep`]; [`EngineError::Setting`] for a frame that the clip does not have, and for too many returns.
 pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
     for &index in input_frames {
@@ -20,6 +23,11 @@ pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Re
             return Err(EngineError::Setting { setting: "--frames", expected, found: index.to_string() });
         };
         let sweep = frame.points(&record.lidar.world_from_lidar, &dir.load_sweep(index)?.points);
+        let found = cloud.len() + sweep.len();
+        if found > MOST_RETURNS {
+            let expected = format!("frames of at most {MOST_RETURNS} returns");
+            return Err(EngineError::Setting { setting: "--frames", expected, found: found.to_string() });
+        }
         cloud.times.resize(cloud.len() + sweep.len(), frame.time(record.lidar.timestamp));
         cloud.frames.resize(cloud.len() + sweep.len(), label);
         cloud.positions.extend(sweep);

@@ -5,6 +5,8 @@
 //! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
+//! `foresee` tells how much the lists of a view will hold before they are made.
+//!
 //! Interventions: `branch` (sets that differ in some Gaussians share their projections), `patch` (what one Gaussian changes, by its
 //! tiles alone), `blended` (maps summed under every Gaussian's blending weights).
 //!
@@ -16,6 +18,7 @@ pub mod constants;
 mod backward;
 mod blended;
 mod branch;
+mod foresee;
 mod forward;
 mod lanes;
 mod patch;
@@ -30,6 +33,7 @@ use crate::views::PinholeView;
 pub use blended::{MAPS, blended_sums};
 pub use branch::Projection;
 use constants::TILE_PIXELS;
+pub use foresee::{Pass, Probes};
 use forward::{PLANES, STOP};
 pub(crate) use patch::crop;
 pub use patch::{Patch, Redraw};

@@ -1,5 +1,7 @@
 //! Which Gaussians a tile has to composite, nearest first.
 
+use std::ops::RangeInclusive;
+
 use rayon::prelude::*;
 
 use super::constants::{TILE_HEIGHT, TILE_WIDTH};
@@ -112,6 +114,22 @@ pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Ve
 
 /// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
 pub(super) fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
+    visit_tiles(f, view, |row, columns| {
+        let base = row * grid.columns;
+        tiles.extend(columns.map(|column| index32(base + column)));
+    });
+}
+
+/// Number of tiles that the footprint's ellipse reaches.
+pub(super) fn count_tiles(f: &Footprint, view: &PinholeView) -> u64 {
+    let mut count = 0;
+    visit_tiles(f, view, |_, columns| count += (columns.end() + 1 - columns.start()) as u64);
+    count
+}
+
+/// Gives `visit` every row of tiles that the footprint's ellipse reaches, with the columns.
+#[inline(always)]
+fn visit_tiles(f: &Footprint, view: &PinholeView, mut visit: impl FnMut(usize, RangeInclusive<usize>)) {
     let Some((y0, y1)) = pixel_span(f.mean_y - f.extent_y, f.mean_y + f.extent_y, view.height) else { return };
     let (first, last) = (y0 / TILE_HEIGHT, y1 / TILE_HEIGHT);
     for row in first..=last {
@@ -124,8 +142,7 @@ pub(super) fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tile
             (f.edge(-f.widest_y, top, bottom, -1.0), f.edge(f.widest_y, top, bottom, 1.0))
         };
         if let Some((x0, x1)) = pixel_span(left, right, view.width) {
-            let base = row * grid.columns;
-            tiles.extend((x0 / TILE_WIDTH..=x1 / TILE_WIDTH).map(|column| index32(base + column)));
+            visit(row, x0 / TILE_WIDTH..=x1 / TILE_WIDTH);
         }
     }
 }

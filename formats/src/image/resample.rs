@@ -94,7 +94,7 @@ impl Source<'_> {
             let bytes = &self.rgb[index * COLOUR..][..COLOUR];
             sum.iter_mut().zip(bytes).for_each(|(s, &b)| *s += weight * f32::from(b));
         }
-        sum.iter_mut().for_each(|s| *s /= 255.0);
+        sum.iter_mut().for_each(|s| *s = full(*s / 255.0));
         if self.mask.is_some() {
             for (index, weight) in taps {
                 match self.label(index) {
@@ -132,11 +132,16 @@ impl Source<'_> {
                 for (pixel, &weight) in pixels[first..].iter().zip(weights) {
                     sum.iter_mut().zip(pixel).for_each(|(s, v)| *s += weight * v);
                 }
-                out.extend_from_slice(&sum);
+                out.extend(sum.map(full));
             }
         }
         out
     }
+}
+
+/// A weighted mean of values up to 1: rounded weights may sum to more.
+const fn full(mean: f32) -> f32 {
+    mean.min(1.0)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounds a quotient of at most 1")]

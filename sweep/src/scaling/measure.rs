@@ -10,7 +10,7 @@ use lgs_engine::{
     gaussians::{background::Mode, physical::to_physical},
     network::source::LoadedModel,
     pipeline::{
-        Drawing, Figures, Inputs, Need, NetworkSettings, RenderedView, Silent, Stage, Watch, check_memory,
+        Drawing, Figures, Flags, Inputs, Need, NetworkSettings, RenderedView, Silent, Stage, Watch, check_memory,
         evaluate_views, reconstruct,
     },
     refine::RefineSummary,
@@ -97,7 +97,7 @@ impl Bench<'_> {
     /// # Errors
     /// A clip that does not fit into the memory; those of the pipeline.
     pub fn times(&self, repeats: usize) -> Result<Times> {
-        check_memory(self.dir, &Selection::default())?;
+        check_memory(self.dir, &Selection::default(), Flags::default())?;
         let resident_mb = allocator::peak_rss_mb();
         let first = self.pass(Wanted::Time)?.seconds;
         let peak_rss_mb = allocator::peak_rss_mb();
@@ -113,7 +113,7 @@ impl Bench<'_> {
     /// # Errors
     /// A clip that does not fit into the memory; those of the pipeline.
     pub fn space(&self) -> Result<Space> {
-        check_memory(self.dir, &Selection::default())?;
+        check_memory(self.dir, &Selection::default(), Flags::default())?;
         allocator::return_pages();
         let passed = self.pass(Wanted::Memory)?;
         let (frames, frame) = self.frames()?;

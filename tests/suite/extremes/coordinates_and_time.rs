@@ -94,6 +94,12 @@ pub(super) const CASES: &[Extreme] = &[
         one_point,
     ),
     Extreme::new("one_frame", "a clip of one frame", "a finite scene", || times(&[12.5])),
+    Extreme::new(
+        "one_camera",
+        "a clip of two frames and one camera",
+        "a finite scene and an image of each frame",
+        one_camera,
+    ),
     Extreme::new("one_pixel", "images of 1 x 1 pixels", "a finite scene and images of one pixel", one_pixel),
     Extreme::new(
         "a_million_coincident_points",
@@ -197,6 +203,11 @@ fn one_point() -> Outcome {
     let made = reconstructed_of(&[MadeFrame { time: 0.0, points: vec![[8.0, 0.0, 0.0]] }])?;
     let smallest = to_physical(&made.scene)[0].scale;
     ensure(made.scene.num_lidar == 1 && smallest.iter().all(|s| (s - 1e-4).abs() < 1e-9), || format!("{smallest:?}"))
+}
+
+fn one_camera() -> Outcome {
+    let made = reconstructed_of(&walls(&[0.0, 0.1]))?;
+    ensure(made.images.len() == 2, || format!("{} images", made.images.len()))
 }
 
 fn one_pixel() -> Outcome {

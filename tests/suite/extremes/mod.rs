@@ -5,6 +5,7 @@ mod gaussians;
 mod gradients;
 mod hostile;
 mod losses_and_metrics;
+mod memory;
 mod network;
 mod properties;
 mod resources;
@@ -46,7 +47,7 @@ struct Group {
     cases: &'static [Extreme],
 }
 
-const GROUPS: [Group; 9] = [
+const GROUPS: [Group; 10] = [
     Group { name: "coordinates_and_time", cases: coordinates_and_time::CASES },
     Group { name: "gaussians", cases: gaussians::CASES },
     Group { name: "gradients", cases: gradients::CASES },
@@ -54,6 +55,7 @@ const GROUPS: [Group; 9] = [
     Group { name: "set_update_and_targets", cases: set_update_and_targets::CASES },
     Group { name: "losses_and_metrics", cases: losses_and_metrics::CASES },
     Group { name: "resources", cases: resources::CASES },
+    Group { name: "memory", cases: memory::CASES },
     Group { name: "properties", cases: properties::CASES },
     Group { name: "hostile", cases: hostile::CASES },
 ];

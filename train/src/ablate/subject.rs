@@ -3,7 +3,10 @@
 use lgs_engine::{
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, background::Mode, physical::to_physical},
-    pipeline::{Drawing, Figures, Inputs, Reconstruction, RenderedView, Silent, Watch, evaluate_views, reconstruct},
+    pipeline::{
+        Drawing, Figures, Flags, Inputs, Reconstruction, RenderedView, Silent, Watch, check_memory, evaluate_views,
+        reconstruct,
+    },
     report::{RoleMeans, ViewRecord},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
@@ -43,6 +46,7 @@ impl<'a> Subject<'a> {
         let hold_out = choice.hold_out.indices(num_frames, Some(&chosen))?;
         let cameras = choice.cameras.clone().or_else(|| choice.num_cameras.map(|count| first_cameras(clip, count)));
         let selection = Selection { cameras, frames: Some(chosen), hold_out, image_size: choice.image_size };
+        check_memory(dir, &selection, Flags::default())?;
         let frames = selection.frames(clip)?;
         let frame = ClipFrame::of(clip, frames.input.first().copied().unwrap_or(0));
         let load = |role| load_views(dir, &selection, role, &frame, &|| ());

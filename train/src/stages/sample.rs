@@ -2,7 +2,7 @@
 
 use lgs_engine::{
     gaussians::{GaussianSet, background::Mode},
-    pipeline::{Inputs, Silent, Watch, reconstruct},
+    pipeline::{Flags, Inputs, Silent, Watch, check_memory, check_refinement, reconstruct},
     views::{ClipFrame, Role, View, load_views},
 };
 use lgs_formats::pose::Pose;
@@ -23,6 +23,10 @@ use crate::{
 const DISTURBED: f64 = 0.1;
 /// Largest distance by which the clip frame is moved, metres: voxels fall elsewhere.
 const MOVED: f64 = 5.0;
+/// What lowers the number of the views of a step, and of the sweeps behind them.
+const VIEWS: Flags = Flags { images: "--max-views", returns: "--max-views" };
+/// What lowers the number of the Gaussians of a step.
+const CROP: Flags = Flags { images: "--crop", returns: "--crop" };
 
 /// What one step is computed from.
 #[derive(Debug)]
@@ -44,11 +48,12 @@ pub struct Sample {
 /// The sample of a step: the same for a seed and a step, whatever came before.
 ///
 /// # Errors
-/// Whatever is wrong with the clip that was drawn.
+/// Whatever is wrong with the clip that was drawn, and more of it than there is memory for.
 pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<Sample> {
     let mut dice = Dice::new(settings.seed, step);
     let clip = &clips[dice.index(clips.len())];
     let draw = clip.draw(&mut dice, settings.max_views)?;
+    check_memory(draw.dir(), draw.selection(), VIEWS)?;
     let frame = clip_frame(&draw, &mut dice)?;
     let load = |role: Role| load_views(draw.dir(), draw.selection(), role, &frame, &|| ());
     let (mut inputs, mut targets) = (load(Role::Input)?, load(Draw::TARGETS)?);
@@ -74,6 +79,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
         .flatten();
     keep_nearby(&mut scene, &mut velocities, &inputs.iter().chain(&targets).collect::<Vec<_>>());
+    check_refinement([scene.num_lidar, scene.len() - scene.num_lidar], None, CROP)?;
     if dice.chance(DISTURBED) {
         disturb(&mut scene, &mut dice);
     }

@@ -7,7 +7,7 @@ use lgs_engine::{
     evaluate::psnr::psnr,
     gaussians::{GaussianSet, background::Mode, physical::to_physical},
     network::model::FoldedModel,
-    pipeline::{HoldOut, Inputs, Silent, Watch, reconstruct},
+    pipeline::{Flags, HoldOut, Inputs, Silent, Watch, check_memory, reconstruct},
     predict::{backbone, predict, query, scores},
     refine::refine,
     render::render,
@@ -40,12 +40,13 @@ impl ValidationClip {
     /// The clip in `dir`, its odd frames held out, at most its first `num_frames` frames.
     ///
     /// # Errors
-    /// Whatever is wrong with the clip.
+    /// Whatever is wrong with the clip, and more of it than there is memory for.
     pub fn open(dir: &Path, num_frames: usize, image_size: Option<ImageSize>) -> Result<Self> {
         let dir = ClipDir::open(dir)?;
         let frames: Vec<usize> = (0..dir.clip().frames.len().min(num_frames)).collect();
         let hold_out = HoldOut::Odd.indices(dir.clip().frames.len(), Some(&frames))?;
         let selection = Selection { frames: Some(frames), hold_out, image_size, cameras: None };
+        check_memory(&dir, &selection, Flags { images: "--validation-size", returns: "--validation" })?;
         let frames = selection.frames(dir.clip())?;
         let frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
         let load = |role| load_views(&dir, &selection, role, &frame, &|| ());

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator::available_bytes,
     gaussians::physical::Splat,
-    pipeline::{Need, Progress, Stage},
-    render::render,
+    pipeline::{Flags, Need, Progress, Stage},
+    render::{Pass, Probes, render},
     views::{ClipFrame, PinholeView, View, between, keys_of_camera, path_views},
 };
 use lgs_formats::{
@@ -79,6 +79,9 @@ impl Film {
     /// Nothing: writes `path/00000.png`, `path/00001.png`, ... and all of them as `path.png`, which moves.
     pub(crate) fn write(&self, scene: &[Splat], out: &Path, progress: &dyn Progress) -> Result<()> {
         let Some(first) = self.views.first() else { return Ok(()) };
+        if Probes::of_splats(scene).check(&self.views, Pass::Images).is_err() {
+            return Err(too_large(first));
+        }
         let folder = out.join("path");
         std::fs::create_dir_all(&folder).with_context(|| format!("{}: make", folder.display()))?;
         let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
@@ -117,9 +120,13 @@ fn pinhole(frame: &ClipFrame, lens: PathLens, key: &PathKey) -> PinholeView {
 /// Nothing, when one picture fits into the memory that is free.
 fn check_size(lens: &PinholeView) -> Result<()> {
     let need = Need::of(&[[lens.height, lens.width]], 0);
-    if available_bytes().is_some_and(|available| need.check(available).is_err()) {
-        let (h, w) = (lens.height, lens.width);
-        bail!("--path: expected pictures that fit into the memory that is free, found {h}x{w} pixels");
+    if available_bytes().is_some_and(|available| need.check(available, Flags::default()).is_err()) {
+        return Err(too_large(lens));
     }
     Ok(())
+}
+
+fn too_large(lens: &PinholeView) -> anyhow::Error {
+    let (h, w) = (lens.height, lens.width);
+    anyhow!("--path: expected pictures that fit into the memory that is free, found {h}x{w} pixels")
 }

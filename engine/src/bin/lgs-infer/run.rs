@@ -14,8 +14,8 @@ use lgs_engine::{
         source::{ModelSource, config_of},
     },
     pipeline::{
-        Drawing, Figures, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin, check_memory,
-        evaluate_views, optimise,
+        Drawing, Figures, Flags, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin,
+        check_memory, evaluate_views, optimise,
     },
     plan::Recipe,
     refine::{RefineSettings, Turns, adam::AdamSettings},
@@ -56,7 +56,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
-    check_memory(&dir, &job.selection)?;
+    check_memory(&dir, &job.selection, Flags::default())?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
     let inputs = inputs.with_motion(args.motion.motion());

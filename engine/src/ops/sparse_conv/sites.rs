@@ -46,8 +46,9 @@ impl Sites {
     /// `coords` `[N]`; sites `[M]`, indices `[N]` in `0..M`.
     ///
     /// # Errors
-    /// As [`Sites::from_sorted`], but for the order.
+    /// As [`Sites::from_sorted`], but for the order; more coordinates than 32 bits count.
     pub fn unique(coords: &[[i32; 4]]) -> Result<(Self, Vec<u32>)> {
+        check_count("voxel coordinates", coords.len())?;
         let mut order = coords
             .par_iter()
             .enumerate()
@@ -125,7 +126,22 @@ fn key_of(coord: &[i32; 4], row: usize) -> Result<u64> {
     })
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 sites")]
+/// Nothing, when 32 bits count so many.
+///
+/// # Errors
+/// [`EngineError::Setting`] for `--frames`: fewer of them have fewer points.
+pub(super) fn check_count(what: &str, count: usize) -> Result<()> {
+    if u32::try_from(count).is_ok() {
+        return Ok(());
+    }
+    Err(EngineError::Setting {
+        setting: "--frames",
+        expected: format!("fewer than 2^32 {what}"),
+        found: count.to_string(),
+    })
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "counts are checked before they are told apart")]
 pub(super) fn index32(value: usize) -> u32 {
     value as u32
 }

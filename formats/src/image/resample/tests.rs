@@ -209,3 +209,27 @@ fn the_mask_goes_through_the_lens_with_the_image() {
         assert_eq!(label, if u > 100.0 { PixelLabel::Dynamic } else { PixelLabel::Static }, "{index} {u}");
     }
 }
+
+#[test]
+fn white_stays_white_however_many_pixels_are_one() {
+    let camera = |[width, height]: [u32; 2], distortion| Camera {
+        name: "c".to_owned(),
+        timestamp: 0.0,
+        width,
+        height,
+        intrinsics: Intrinsics { fx: 900.0, fy: 900.0, cx: 400.0, cy: 300.0 },
+        distortion,
+        world_from_camera: Pose::IDENTITY,
+    };
+    let bent = Distortion([-0.2, 0.05, 1e-3, -1e-3, 0.0]);
+    for (sides, distortion) in [([16, 41_003], None), ([30_011, 3], None), ([800, 600], Some(bent))] {
+        let [width, height] = sides.map(|side| side as usize);
+        let rgb = vec![255; width * height * 3];
+        let source = Source { lens: Lens::new(&camera(sides, distortion)), ..source(width, height, &rgb) };
+        for size in [size(8, 12), size(7, 301)] {
+            let (image, _) = source.resized(size);
+            assert!(image.data.iter().all(|v| (0.0..=1.0).contains(v)), "{width}x{height} to {size}");
+            assert!(image.data.iter().any(|&v| v > 0.999), "{width}x{height} to {size}");
+        }
+    }
+}

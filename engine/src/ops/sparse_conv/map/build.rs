@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{BLOCK, KernelMap, Symmetry, local};
 use crate::error::{EngineError, Result};
-use crate::ops::sparse_conv::sites::{Sites, index32, key_step};
+use crate::ops::sparse_conv::sites::{Sites, check_count, index32, key_step};
 
 /// A grid halved: the coarse sites and the maps down to them and back up.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ impl KernelMap {
     /// The map of a submanifold convolution with an odd kernel: outputs are the inputs' sites.
     ///
     /// # Errors
-    /// When the kernel is even, zero, or wider than 15.
+    /// When the kernel is even, zero, or wider than 15, or there are more pairs than 32 bits count.
     pub fn submanifold(sites: &Sites, kernel: usize) -> Result<Self> {
         let radius = radius_of(kernel)?;
         let keys = sites.keys();
@@ -46,7 +46,7 @@ impl KernelMap {
                 BlockPairs::of_rows(rows, block.len())
             })
             .collect();
-        let mut map = Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3));
+        let mut map = Self::of_blocks(blocks, [keys.len(), keys.len()], kernel.pow(3))?;
         map.symmetry = Symmetry::Mirrored;
         Ok(map)
     }
@@ -88,7 +88,7 @@ impl KernelMap {
                 BlockPairs::of_rows(&rows, coords.len())
             })
             .collect();
-        let up = Arc::new(Self::of_blocks(blocks, [coarse.len(), sites.len()], 8));
+        let up = Arc::new(Self::of_blocks(blocks, [coarse.len(), sites.len()], 8)?);
         let down = up.reversed();
         Ok(Halving { coarse, down, up })
     }
@@ -123,12 +123,15 @@ impl KernelMap {
                 BlockPairs::of_rows(&rows, block.len())
             })
             .collect();
-        let map = Self::of_blocks(blocks, [sites.len(), coarse.len()], kernel.pow(3));
+        let map = Self::of_blocks(blocks, [sites.len(), coarse.len()], kernel.pow(3))?;
         Ok((coarse, map))
     }
 
-    fn of_blocks(blocks: Vec<BlockPairs>, [num_inputs, num_outputs]: [usize; 2], num_offsets: usize) -> Self {
+    /// # Errors
+    /// More pairs than 32 bits count.
+    fn of_blocks(blocks: Vec<BlockPairs>, [num_inputs, num_outputs]: [usize; 2], num_offsets: usize) -> Result<Self> {
         let total = blocks.iter().map(|b| b.inputs.len()).sum();
+        check_count("pairs of neighbouring voxels", total)?;
         let mut first_pair = Vec::with_capacity(blocks.len() * num_offsets + 1);
         let (mut inputs, mut outputs) = (Vec::with_capacity(total), Vec::with_capacity(total));
         first_pair.push(0);
@@ -138,7 +141,7 @@ impl KernelMap {
             inputs.extend_from_slice(&block.inputs);
             outputs.extend_from_slice(&block.outputs);
         }
-        Self {
+        Ok(Self {
             num_inputs,
             num_outputs,
             num_offsets,
@@ -147,7 +150,7 @@ impl KernelMap {
             outputs,
             symmetry: Symmetry::None,
             reversed: OnceLock::new(),
-        }
+        })
     }
 }
 
