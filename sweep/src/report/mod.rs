@@ -1,5 +1,6 @@
 //! `report.html`: one file that shows what was measured, without anything from elsewhere.
 
+mod budgets;
 mod crops;
 pub(crate) mod plot;
 mod plots;
@@ -10,11 +11,13 @@ use std::path::Path;
 use lgs_targetgen::picture::escape;
 
 use super::{
+    budget::BudgetRow,
     error::Result,
     machine::Machine,
     record::{ClipRecord, Failed},
     table::Row,
 };
+use budgets::budget_table;
 use crops::crops;
 use plots::plots;
 use rows::{best, row_table};
@@ -31,6 +34,8 @@ pub struct Chapter<'a> {
     pub rows: &'a [Row],
     /// Of each row, the command that runs it.
     pub commands: &'a [String],
+    /// What came of time budgets.
+    pub budgets: &'a [BudgetRow],
 }
 
 /// What the page shows.
@@ -70,7 +75,8 @@ pub fn html(page: &Page<'_>) -> Result<String> {
         let content = plots(chapter.rows)
             + &best(chapter.rows)
             + &crops(chapter, page.out)?
-            + &row_table(chapter.rows, chapter.commands);
+            + &row_table(chapter.rows, chapter.commands)
+            + &budget_table(chapter.budgets);
         body += &section(&chapter.record.clip, &note, &content);
     }
     if !page.failed.is_empty() {
