@@ -1,6 +1,6 @@
 //! What came of time budgets.
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::escape;
 
 use crate::budget::BudgetRow;
 

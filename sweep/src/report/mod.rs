@@ -8,7 +8,7 @@ mod rows;
 
 use std::path::Path;
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::{document, escape};
 
 use super::{
     budget::BudgetRow,
@@ -22,7 +22,8 @@ use crops::crops;
 use plots::plots;
 use rows::{best, row_table};
 
-const STYLE: &str = include_str!("style.css");
+/// What the pages of this crate share.
+pub(crate) const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("script.js");
 
 /// A clip.
@@ -87,11 +88,7 @@ pub fn html(page: &Page<'_>) -> Result<String> {
         let lines: String = page.failed.iter().map(line).collect();
         body += &section("Could not be measured", "", &format!("<ul>\n{lines}</ul>\n"));
     }
-    Ok(format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>Speed and accuracy – LGS</title>\n<style>\n{STYLE}</style>\n\
-         </head>\n<body>\n<main>\n{body}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
-    ))
+    Ok(document("Speed and accuracy – LGS", STYLE, &body, SCRIPT))
 }
 
 fn header(page: &Page<'_>) -> String {
