@@ -66,6 +66,13 @@ pub struct RefineSummary {
     pub seconds: RefineSeconds,
 }
 
+impl RefineSummary {
+    /// Seconds of drawing the views of a step and of its loss, the mean; `None` where nothing was drawn.
+    pub fn drawing_s(&self) -> Option<f64> {
+        (!self.losses.is_empty()).then(|| (self.seconds.render + self.seconds.loss) / self.losses.len() as f64)
+    }
+}
+
 /// Seconds of a refinement by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RefineSeconds {

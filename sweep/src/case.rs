@@ -5,7 +5,7 @@ use std::time::Instant;
 use lgs_engine::{
     error::Result as EngineResult,
     evaluate::{ViewFigures, lpips::Lpips},
-    gaussians::{GaussianSet, physical::to_physical},
+    gaussians::{GaussianSet, motion::Motion, physical::to_physical},
     pipeline::{Drawing, Figures, Inputs, RenderedView, Silent, Watch, evaluate_views},
     report::{RoleMeans, ViewRecord},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -37,6 +37,7 @@ pub struct Case<'a> {
     selection: Selection,
     frames: SelectedFrames,
     frame: ClipFrame,
+    motion: Motion,
 }
 
 /// What was found out about a scene.
@@ -64,7 +65,7 @@ impl<'a> Case<'a> {
         // Says what is wrong with the cameras, before any work.
         selection.num_images(clip, Role::Input)?;
         let frame = ClipFrame::of(clip, frames.input.first().copied().unwrap_or(0));
-        Ok(Self { dir, selection, frames, frame })
+        Ok(Self { dir, selection, frames, frame, motion: choice.motion })
     }
 
     fn load(&self, role: Role) -> Result<Vec<View>> {
@@ -78,6 +79,7 @@ impl<'a> Case<'a> {
     pub fn inputs(&self) -> Result<(Inputs<'a>, f64)> {
         let start = Instant::now();
         let inputs = Inputs::new(self.dir, &self.frames, self.frame, self.load(Role::Input)?)?;
+        let inputs = inputs.with_motion(self.motion);
         Ok((inputs, start.elapsed().as_secs_f64()))
     }
 

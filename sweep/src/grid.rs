@@ -2,19 +2,21 @@
 
 use std::num::NonZeroUsize;
 
-use super::setting::{Background, DensityBy, Network, Refine, Setting, Switch, THETA, Weights};
+use lgs_engine::{densify::Density, gaussians::background::Mode};
+
+use super::setting::{Network, Refine, Setting, Switch, THETA, Weights};
 
 /// What is tried along each axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
     /// Backgrounds.
-    pub background: Vec<Background>,
+    pub background: Vec<Mode>,
     /// Steps of the learned refinement.
     pub refine_steps: Vec<usize>,
     /// Whether the query runs.
     pub query: Vec<Switch>,
     /// Who prunes and adds.
-    pub density: Vec<DensityBy>,
+    pub density: Vec<Density>,
     /// Scores above which the policy acts.
     pub theta: Vec<f32>,
     /// Budgets of the set update; `None` for none.
@@ -106,11 +108,11 @@ fn networks(axes: &Axes, model: &Parts) -> Vec<Network> {
         for &density in &axes.density {
             for &theta in &axes.theta {
                 for &max_gaussians in &axes.max_gaussians {
-                    let acts = model.policy && density != DensityBy::Off;
+                    let acts = model.policy && density != Density::Off;
                     let network = Network {
                         weights: model.weights.clone(),
                         query: if model.query { query } else { Switch::Off },
-                        density: if acts { density } else { DensityBy::Off },
+                        density: if acts { density } else { Density::Off },
                         theta: if acts { theta } else { THETA },
                         max_gaussians: max_gaussians.filter(|_| acts),
                     };
@@ -130,10 +132,10 @@ mod tests {
 
     fn axes() -> Axes {
         Axes {
-            background: vec![Background::Auto, Background::Off],
+            background: vec![Mode::Auto, Mode::Off],
             refine_steps: vec![0, 3],
             query: vec![Switch::On, Switch::Off],
-            density: vec![DensityBy::Policy, DensityBy::Off],
+            density: vec![Density::Policy, Density::Off],
             theta: vec![0.5, 0.7],
             max_gaussians: vec![None, Some(100)],
             adam: vec![30, 10, 10],
@@ -167,9 +169,9 @@ mod tests {
     #[test]
     fn what_a_refinement_looks_at_is_told_apart_where_there_is_one() {
         let axes = Axes {
-            background: vec![Background::Auto],
+            background: vec![Mode::Auto],
             query: vec![Switch::On],
-            density: vec![DensityBy::Off],
+            density: vec![Density::Off],
             adam: Vec::new(),
             then_adam: vec![10, 0],
             refine_reduce: vec![1, 2],

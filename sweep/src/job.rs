@@ -13,10 +13,10 @@ use super::{
     grid::Run,
     machine::Machine,
     measure::{Bench, Judged},
-    pages::Pages,
+    pages::{ClipTable, Pages},
     record::{CLIP_FORMAT, Causes, ClipRecord, Failed, Folders, PointRecord},
     setting::{Setting, Weights},
-    table::Row,
+    spent::Spent,
 };
 
 /// Digits of a configuration's hash in the names of files.
@@ -24,6 +24,12 @@ const DIGITS: usize = 12;
 
 /// Finds out, by the numbers of a clip and of a run, what the run's configurations are worth.
 pub type Judge<'a> = dyn Fn(usize, usize) -> Result<Judged> + 'a;
+
+/// Runs `lgs-infer` with a time budget on the clip of a number.
+pub type Spend<'a> = dyn Fn(usize, f64) -> Result<Spent> + 'a;
+
+/// What progress takes for a run with a budget.
+const BUDGET_WEIGHT: u64 = 8;
 
 /// What is to be measured.
 pub struct Job<'a> {
@@ -49,6 +55,10 @@ pub struct Job<'a> {
     pub out: PathBuf,
     /// Finds out what runs are worth.
     pub judge: &'a Judge<'a>,
+    /// Time budgets to try, seconds.
+    pub budgets: Vec<f64>,
+    /// Tries them.
+    pub spend: &'a Spend<'a>,
 }
 
 /// Somebody who is told how far the work is.
@@ -64,8 +74,8 @@ pub trait Observer {
 /// What a job found.
 #[derive(Debug, Default)]
 pub struct Found {
-    /// Of each clip, its name and its rows.
-    pub tables: Vec<(String, Vec<Row>)>,
+    /// Of each clip, what stands on its page.
+    pub tables: Vec<ClipTable>,
     /// What could not be measured.
     pub failed: Vec<Failed>,
 }
@@ -88,7 +98,8 @@ impl Job<'_> {
     /// What progress adds up to.
     pub fn total_weight(&self) -> u64 {
         let of_clip: u64 = self.runs.iter().map(|run| self.judge_weight(run) + self.time_weight(run)).sum();
-        of_clip * self.clips.len() as u64
+        let of_budgets = BUDGET_WEIGHT * (self.budgets.len() * self.repeats) as u64;
+        (of_clip + of_budgets) * self.clips.len() as u64
     }
 
     fn judge_weight(&self, run: &Run) -> u64 {
@@ -118,6 +129,7 @@ impl Job<'_> {
             let mut current = self.current(index, dir, case, &folders)?;
             self.judge_all(&mut current, &folders, &mut found.failed, observer)?;
             self.time_all(&mut current, &mut found.failed, observer)?;
+            self.spend_all(&mut current, &mut found.failed, observer)?;
             records.push(current.record);
             found.tables = self.pages(&settings).write(&records, &found.failed)?;
         }
@@ -147,7 +159,8 @@ impl Job<'_> {
         let (inputs, load_s) = case.inputs()?;
         let work = case.work(&inputs)?;
         let (clip, load_s) = (clip.name.clone(), Some(load_s));
-        let record = ClipRecord { causes, clip, work, load_s, truth, sessions: 1, points: Vec::new() };
+        let record =
+            ClipRecord { causes, clip, work, load_s, truth, sessions: 1, points: Vec::new(), spent: Vec::new() };
         Ok(Current { index, case, file, record })
     }
 
@@ -165,7 +178,7 @@ impl Job<'_> {
             if unknown {
                 match (self.judge)(current.index, index) {
                     Ok(judged) => put_points(current, run, judged, (folders, &stem))?,
-                    Err(error) => fail(&current.record.clip, run, &error, failed, observer),
+                    Err(error) => fail(&current.record.clip, run_name(run), &error, failed, observer),
                 }
                 current.record.write(&current.file)?;
             }
@@ -199,11 +212,31 @@ impl Job<'_> {
                                 }
                             }
                         }
-                        Err(error) => fail(&current.record.clip, run, &error, failed, observer),
+                        Err(error) => fail(&current.record.clip, run_name(run), &error, failed, observer),
                     }
                     current.record.write(&current.file)?;
                 }
                 observer.did(run.weight(), needed);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tries every budget until there are enough runs of it: all of them once, then all of them again.
+    fn spend_all(&self, current: &mut Current<'_>, failed: &mut Vec<Failed>, observer: &dyn Observer) -> Result<()> {
+        for round in 0..self.repeats {
+            for &budget_s in &self.budgets {
+                let needed = current.record.runs_of_budget(budget_s).count() <= round;
+                if needed {
+                    match (self.spend)(current.index, budget_s) {
+                        Ok(spent) => current.record.spent.push(spent),
+                        Err(error) => {
+                            fail(&current.record.clip, format!("time budget {budget_s} s"), &error, failed, observer);
+                        }
+                    }
+                    current.record.write(&current.file)?;
+                }
+                observer.did(BUDGET_WEIGHT, needed);
             }
         }
         Ok(())
@@ -223,13 +256,16 @@ impl Job<'_> {
     }
 
     fn pages<'p>(&'p self, settings: &'p [Setting]) -> Pages<'p> {
-        let Self { clips, weights, seed, machine, out, .. } = self;
-        Pages { clips, settings, weights, lpips: self.lpips.as_deref(), seed: *seed, machine, out }
+        let Self { clips, weights, seed, machine, out, budgets, .. } = self;
+        Pages { clips, settings, budgets, weights, lpips: self.lpips.as_deref(), seed: *seed, machine, out }
     }
 }
 
-fn fail(clip: &str, run: &Run, error: &SweepError, failed: &mut Vec<Failed>, observer: &dyn Observer) {
-    let name = run.settings.last().map_or(String::new(), Setting::name);
+fn run_name(run: &Run) -> String {
+    run.settings.last().map_or(String::new(), Setting::name)
+}
+
+fn fail(clip: &str, name: String, error: &SweepError, failed: &mut Vec<Failed>, observer: &dyn Observer) {
     observer.note(&format!("{clip}: {name}: {error}"));
     failed.push(Failed { clip: clip.to_owned(), name, reason: error.to_string() });
 }

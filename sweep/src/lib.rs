@@ -16,9 +16,13 @@ pub mod crop;
 
 pub mod measure;
 
+pub mod spent;
+
 pub mod record;
 
 pub mod statistics;
+
+pub mod budget;
 
 pub mod front;
 

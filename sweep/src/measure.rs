@@ -144,7 +144,7 @@ impl Bench<'_> {
         let Some(last) = run.settings.last() else { return Ok(()) };
         let mut watch = Watch::new(&Silent);
         let network = self.network(run, last)?;
-        let mut made = reconstruct(self.inputs, last.background.mode(), network.as_ref(), &mut watch)?;
+        let mut made = reconstruct(self.inputs, last.background, network.as_ref(), &mut watch)?;
         self.optimise(&mut made, run, last.refine, &mut watch, show);
         Ok(())
     }
@@ -201,7 +201,7 @@ impl Bench<'_> {
             model: &loaded.model,
             refine: RefineSettings { turns: self.turns(refine), reduce: refine.reduce, ..refine.learned.into() },
             query: network.query == Switch::On,
-            density: network.density.density(),
+            density: network.density,
             thresholds: Thresholds { prune: network.theta, add: network.theta },
             max_gaussians: network.max_gaussians,
             seed: self.seed,

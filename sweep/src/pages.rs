@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use lgs_engine::gaussians::motion::Motion;
 use lgs_formats::write::write_atomic;
 use lgs_train::ablate::choice::Choice;
 use serde::Serialize;
 
 use super::{
+    budget::{BudgetRow, budget_rows},
     case::Work,
     csv::{Table, csv},
     error::{Result, SweepError},
@@ -14,7 +16,7 @@ use super::{
     presets::presets,
     record::{ClipRecord, Failed, PointRecord},
     report::{Chapter, Page, html},
-    setting::{Setting, Weights},
+    setting::{Setting, Weights, word},
     table::{Row, mean_rows, rows},
 };
 
@@ -42,7 +44,19 @@ struct OfClip<'a> {
     work: &'a Work,
     load_s: Option<f64>,
     rows: &'a [Row],
+    budgets: &'a [BudgetRow],
     points: Vec<&'a PointRecord>,
+}
+
+/// What the pages say of a clip.
+#[derive(Clone, Debug)]
+pub struct ClipTable {
+    /// Its name.
+    pub clip: String,
+    /// The configurations.
+    pub rows: Vec<Row>,
+    /// Time budgets.
+    pub budgets: Vec<BudgetRow>,
 }
 
 /// What the pages say beside what was found.
@@ -52,6 +66,8 @@ pub struct Pages<'a> {
     pub clips: &'a [Choice],
     /// Every configuration once, in the order of the grid.
     pub settings: &'a [Setting],
+    /// Time budgets that were run.
+    pub budgets: &'a [f64],
     /// Of each network, its weights as the user names them.
     pub weights: &'a [(Weights, String)],
     /// SHA-256 of the weights of LPIPS; `None` where it is not measured.
@@ -69,9 +85,10 @@ impl Pages<'_> {
     ///
     /// # Errors
     /// A file that cannot be written, or a crop that cannot be read.
-    pub fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<(String, Vec<Row>)>> {
+    pub fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<ClipTable>> {
         let settings = self.settings;
         let tables: Vec<Vec<Row>> = records.iter().map(|record| rows(record, settings)).collect();
+        let budgets: Vec<Vec<BudgetRow>> = records.iter().map(|record| budget_rows(record, self.budgets)).collect();
         let mean = if tables.len() > 1 { mean_rows(&tables) } else { Vec::new() };
         let commands: Vec<Vec<String>> = tables
             .iter()
@@ -89,14 +106,18 @@ impl Pages<'_> {
             weights: self.weights.iter().map(|(weights, _)| weights).collect(),
             lpips: self.lpips,
             seed: self.seed,
-            clips: records.iter().zip(&tables).map(|(record, rows)| of_clip(record, rows, settings)).collect(),
+            clips: records
+                .iter()
+                .zip(tables.iter().zip(&budgets))
+                .map(|(record, (rows, budgets))| of_clip(record, rows, budgets, settings))
+                .collect(),
             mean: &mean,
             failed,
         };
         put("sweep.json", &json("sweep.json", &whole)?)?;
-        let named = records.iter().zip(&tables).zip(&commands);
+        let named = records.iter().zip(&tables).zip(commands.iter().zip(&budgets));
         let chapters: Vec<Chapter<'_>> =
-            named.map(|((record, rows), commands)| Chapter { record, rows, commands }).collect();
+            named.map(|((record, rows), (commands, budgets))| Chapter { record, rows, commands, budgets }).collect();
         let page = Page { machine: self.machine, chapters: &chapters, mean: &mean, out: self.out, failed };
         put("report.html", &html(&page)?)?;
         let weights = self.weights.first().map(|(weights, _)| weights);
@@ -105,7 +126,8 @@ impl Pages<'_> {
         if let Some(record) = summary.filter(|_| all).and_then(|rows| presets(records, rows, weights, self.machine)) {
             put("presets.json", &json("presets.json", &record)?)?;
         }
-        Ok(records.iter().zip(tables).map(|(record, rows)| (record.clip.clone(), rows)).collect())
+        let of_clips = records.iter().zip(tables).zip(budgets);
+        Ok(of_clips.map(|((record, rows), budgets)| ClipTable { clip: record.clip.clone(), rows, budgets }).collect())
     }
 
     /// The command that runs a configuration on a clip.
@@ -115,22 +137,32 @@ impl Pages<'_> {
             setting.network.as_ref().and_then(|n| self.weights.iter().find(|(weights, _)| *weights == n.weights));
         words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
         words.extend(setting.flags());
-        words.push(format!("--hold-out {}", choice.hold_out));
-        words.extend(choice.cameras.as_ref().map(|cameras| format!("--cameras {}", cameras.join(","))));
-        words.extend(choice.image_size.map(|size| format!("--image-size {size}")));
-        words.extend(choice.num_frames.map(|count| format!("--frames 0..{}", count.saturating_sub(1))));
+        words.extend(clip_words(choice));
         words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
         words.join(" ")
     }
 }
 
-fn of_clip<'a>(record: &'a ClipRecord, rows: &'a [Row], settings: &[Setting]) -> OfClip<'a> {
+/// The words of `lgs-infer` that read a clip as `choice` says, but for its directory.
+pub fn clip_words(choice: &Choice) -> Vec<String> {
+    let mut words = vec!["--hold-out".to_owned(), choice.hold_out.to_string()];
+    let mut add =
+        |flag: &str, value: Option<String>| words.extend(value.into_iter().flat_map(|v| [flag.to_owned(), v]));
+    add("--cameras", choice.cameras.as_ref().map(|cameras| cameras.join(",")));
+    add("--image-size", choice.image_size.map(|size| size.to_string()));
+    add("--frames", choice.num_frames.map(|count| format!("0..{}", count.saturating_sub(1))));
+    add("--motion", (choice.motion != Motion::default()).then(|| word(&choice.motion)));
+    words
+}
+
+fn of_clip<'a>(record: &'a ClipRecord, rows: &'a [Row], budgets: &'a [BudgetRow], settings: &[Setting]) -> OfClip<'a> {
     OfClip {
         clip: &record.clip,
         source: &record.causes.source,
         work: &record.work,
         load_s: record.load_s,
         rows,
+        budgets,
         points: settings.iter().filter_map(|setting| record.point(setting)).collect(),
     }
 }

@@ -1,12 +1,13 @@
 //! What `lgs-infer` knows about speed and accuracy: the page that the repository keeps as `models/presets.json`.
 
+use lgs_engine::densify::Density;
 use lgs_engine::plan::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Recipe, Record, RecordedClip};
 
 use super::{
     front::{Offer, on_front},
     machine::Machine,
     record::{ClipRecord, PointRecord},
-    setting::{DensityBy, Setting, Switch, THETA, Weights},
+    setting::{Setting, Switch, THETA, Weights},
     statistics::Spread,
     table::Row,
 };
@@ -22,10 +23,10 @@ impl Setting {
             return None;
         }
         Some(Recipe {
-            background: self.background.mode(),
+            background: self.background,
             network: network.is_some(),
             query: network.is_some_and(|network| network.query == Switch::On),
-            density: network.map_or(DensityBy::Off, |network| network.density).density(),
+            density: network.map_or(Density::Off, |network| network.density),
             refine_steps: self.refine.learned,
             adam_steps: self.refine.adam,
             refine_views: self.refine.views,

@@ -12,10 +12,11 @@ use super::{
     machine::Machine,
     measure::{Accuracy, Cost},
     setting::Setting,
+    spent::Spent,
 };
 
 /// The value of `format` in the file of a clip.
-pub const CLIP_FORMAT: &str = "lgs-sweep-clip/1";
+pub const CLIP_FORMAT: &str = "lgs-sweep-clip/2";
 /// Folder of the crops.
 const CROPS: &str = "crops";
 
@@ -92,6 +93,8 @@ pub struct ClipRecord {
     pub sessions: usize,
     /// The configurations, those of earlier grids too.
     pub points: Vec<PointRecord>,
+    /// Runs with time budgets.
+    pub spent: Vec<Spent>,
 }
 
 impl ClipRecord {
@@ -121,6 +124,11 @@ impl ClipRecord {
     /// Timed runs of a configuration so far.
     pub fn num_repeats(&self, setting: &Setting) -> usize {
         self.point(setting).map_or(0, |point| point.repeats.len())
+    }
+
+    /// Runs with a time budget so far.
+    pub fn runs_of_budget(&self, budget_s: f64) -> impl Iterator<Item = &Spent> {
+        self.spent.iter().filter(move |run| run.budget_s.total_cmp(&budget_s).is_eq())
     }
 
     /// Nothing: the record has the point, in the place of an older one of the same configuration.

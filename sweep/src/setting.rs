@@ -11,37 +11,6 @@ use super::error::{Result, SweepError};
 /// Score above which the policy acts where nobody says otherwise.
 pub const THETA: f32 = 0.7;
 
-/// Where the background comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Background {
-    /// What the clip needs.
-    Auto,
-    /// None.
-    #[value(alias = "none")]
-    Off,
-    /// A far hemisphere.
-    Sky,
-    /// Where the surfaces around a gap continue to.
-    Gaps,
-    /// Where the images say it is.
-    Depth,
-    /// Where the clip's depth maps say it is.
-    Maps,
-}
-
-/// Who prunes and adds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum DensityBy {
-    /// The network.
-    Policy,
-    /// Chance, as often as the network would.
-    Random,
-    /// Nobody.
-    Off,
-}
-
 /// Whether the query runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
@@ -71,7 +40,7 @@ pub struct Network {
     /// Whether primitives ask those of other moments.
     pub query: Switch,
     /// Who prunes and adds.
-    pub density: DensityBy,
+    pub density: Density,
     /// Score above which a primitive is pruned or copied.
     pub theta: f32,
     /// Largest number of `LiDAR` Gaussians after the set update.
@@ -97,36 +66,11 @@ pub struct Refine {
 #[serde(deny_unknown_fields)]
 pub struct Setting {
     /// Where the background comes from.
-    pub background: Background,
+    pub background: Mode,
     /// How the network is used; `None` without one.
     pub network: Option<Network>,
     /// How it is refined.
     pub refine: Refine,
-}
-
-impl Background {
-    /// The engine's word for it.
-    pub const fn mode(self) -> Mode {
-        match self {
-            Self::Auto => Mode::Auto,
-            Self::Off => Mode::Off,
-            Self::Sky => Mode::Sky,
-            Self::Gaps => Mode::Gaps,
-            Self::Depth => Mode::Depth,
-            Self::Maps => Mode::Maps,
-        }
-    }
-}
-
-impl DensityBy {
-    /// The engine's word for it.
-    pub const fn density(self) -> Density {
-        match self {
-            Self::Policy => Density::Policy,
-            Self::Random => Density::Random,
-            Self::Off => Density::Off,
-        }
-    }
 }
 
 /// The word that the user gives for a value.
@@ -170,7 +114,7 @@ impl Setting {
         if let Some(network) = &self.network {
             flags.push(format!("--query {}", word(&network.query)));
             flags.push(format!("--density {}", word(&network.density)));
-            if network.density != DensityBy::Off {
+            if network.density != Density::Off {
                 flags.push(format!("--theta-prune {0} --theta-add {0}", network.theta));
                 flags.extend(network.max_gaussians.map(|most| format!("--max-gaussians {most}")));
             }
@@ -191,18 +135,18 @@ impl Setting {
         if let Some(network) = &self.network {
             parts.extend((network.query == Switch::Off).then(|| "no query".to_owned()));
             match network.density {
-                DensityBy::Policy => {}
-                DensityBy::Random => parts.push("density by chance".to_owned()),
-                DensityBy::Off => parts.push("no policy".to_owned()),
+                Density::Policy => {}
+                Density::Random => parts.push("density by chance".to_owned()),
+                Density::Off => parts.push("no policy".to_owned()),
             }
-            if network.density != DensityBy::Off && network.theta != THETA {
+            if network.density != Density::Off && network.theta != THETA {
                 parts.push(format!("theta {}", network.theta));
             }
             parts.extend(network.max_gaussians.map(|most| format!("at most {most}")));
         }
         match self.background {
-            Background::Auto => {}
-            Background::Off => parts.push("no background".to_owned()),
+            Mode::Auto => {}
+            Mode::Off => parts.push("no background".to_owned()),
             other => parts.push(format!("background {}", word(&other))),
         }
         parts.join(", ")

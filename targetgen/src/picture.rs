@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use lgs_engine::report::escape;
+
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 260.0;
 /// Room around the plot: left, top, right, bottom.
@@ -134,11 +136,6 @@ pub fn number(value: f64) -> String {
     } else {
         format!("{value:.1e}")
     }
-}
-
-/// The text as markup shows it.
-pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

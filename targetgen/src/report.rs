@@ -3,12 +3,13 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use lgs_engine::report::escape;
 use lgs_formats::error::Result;
 use lgs_formats::targets::{ActionTargets, Manifest, Shard};
 use serde::Serialize;
 
 use crate::generate::Seconds;
-use crate::picture::{Axis, escape, histogram, number};
+use crate::picture::{Axis, histogram, number};
 
 /// Bars of a histogram.
 const BARS: usize = 60;

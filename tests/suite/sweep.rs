@@ -34,6 +34,8 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("sweep::figures_are_those_of_inference", figures_are_those_of_inference),
         case("sweep::goes_on_where_it_was_killed", goes_on_where_it_was_killed),
         case("sweep::what_makes_no_sense_is_refused", refusals),
+        case("sweep::what_fails_is_listed_and_the_rest_is_measured", failures),
+        case("sweep::budgets_stand_beside_what_would_have_fitted", budgets),
         case_if(&browser::needed(), "sweep::report_in_a_browser", report_in_a_browser),
     ]
 }
@@ -161,6 +163,62 @@ fn refusals() -> Outcome {
     finished.expect_refusal(&["--weights", "--adam"])?;
     fs::write(&out, "a file")?;
     sweep(place.path(), &[])?.expect_refusal(&["--out"])
+}
+
+/// A sweep of a few points without a network, and of what `more` asks for.
+fn few(place: &Path, more: &[&str]) -> Result<Finished, String> {
+    let street = clips::street();
+    let fixed = ["--out", "out", "--image-size", "48x80", "--frames", "3", "--repeats", "2", "--warm-up", "0"];
+    let words: Vec<&OsStr> = fixed.iter().chain(more).map(|word| OsStr::new(*word)).collect();
+    run(&binary("lgs-sweep")?, &[&[street.as_os_str()], words.as_slice()].concat(), place)
+}
+
+fn failures() -> Outcome {
+    let place = tempfile::tempdir()?;
+    // The clip has no depth maps.
+    let finished = few(place.path(), &["--weights", "none", "--adam", "0,1", "--background", "gaps,maps"])?;
+    if finished.code != Some(1) {
+        return Err(format!("exit code {:?}: {}", finished.code, finished.stderr).into());
+    }
+    let page = page(place.path())?;
+    let (failed, rows) = (list(&page, "failed")?, list(&list(&page, "clips")?[0], "rows")?);
+    let said = |row: &Value| {
+        let text = |key: &str| row[key].as_str().unwrap_or_default();
+        text("clip") == "street" && text("name").contains("maps") && text("reason").starts_with("--background")
+    };
+    if failed.is_empty() || !failed.iter().all(said) || rows.len() != 2 {
+        return Err(format!("failed: {failed:?}; rows: {rows:?}").into());
+    }
+    let reason = failed[0]["reason"].as_str().unwrap_or_default();
+    let report = fs::read_to_string(place.path().join("out/report.html"))?;
+    if !report.contains("Could not be measured") || !finished.stderr.contains(reason) {
+        return Err(format!("nothing said of {reason}: {}", finished.stderr).into());
+    }
+    Ok(())
+}
+
+fn budgets() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let flags = ["--weights", "none", "--adam", "0,1", "--background", "gaps,auto", "--budgets", "0.000001,100000"];
+    few(place.path(), &flags)?.expect_success()?;
+    let found = page(place.path())?;
+    let clip = &list(&found, "clips")?[0];
+    let [short, long] = list(clip, "budgets")?.as_slice() else {
+        return Err(format!("budgets: {}", clip["budgets"]).into());
+    };
+    let all = list(clip, "rows")?.iter().filter_map(|row| row["figures"]["psnr"].as_f64());
+    let best = all.fold(f64::NEG_INFINITY, f64::max);
+    let right = short["fits"] == false && short["kept"] == false && short["best"].is_null();
+    let right = right && long["fits"] == true && long["kept"] == true && long["runs"] == 2;
+    if !right || long["best"]["psnr"].as_f64() != Some(best) || long["psnr"].as_f64().is_none() {
+        return Err(format!("{short}\n{long}\n{best}").into());
+    }
+    let before = record(place.path())?;
+    let finished = few(place.path(), &flags)?;
+    if record(place.path())? != before || !finished.stdout.contains("budget 100000 s: finished after") {
+        return Err(format!("run again, or not told: {}", finished.stdout).into());
+    }
+    Ok(())
 }
 
 fn report_in_a_browser() -> Outcome {

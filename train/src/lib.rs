@@ -1,5 +1,6 @@
 //! Training: scenes that we can make and measure, and the stages that train the network on them.
 
+mod curves;
 pub mod error;
 pub mod scenes;
 pub mod velocity;

@@ -1,6 +1,9 @@
 //! Inputs to scene.
 
-use std::{borrow::Cow, time::Instant};
+use std::{
+    borrow::Cow,
+    time::{Duration, Instant},
+};
 
 use serde::Serialize;
 
@@ -14,7 +17,10 @@ use crate::{
         motion,
     },
     points::{self, PointCloud},
-    refine::adam::{Adam, AdamSettings, AdamSummary},
+    refine::{
+        RefineSummary,
+        adam::{Adam, AdamSettings, AdamSummary, FEWEST_STEPS},
+    },
     render::{Pass, Probes},
     views::{View, at_factor},
 };
@@ -168,7 +174,8 @@ pub struct OptimiseSettings {
     pub adam: AdamSettings,
     /// How many times smaller in width and height the images are that it looks at.
     pub reduce: usize,
-    /// No step begins, after the first, that would probably end later than this; `None` for no limit.
+    /// No step begins that would probably end later than this, and none at all where there is no time for [`FEWEST_STEPS`]; `None` for
+    /// no limit.
     pub until: Option<Instant>,
 }
 
@@ -186,25 +193,30 @@ pub fn optimise(
     let num_lidar = reconstruction.scene.num_lidar;
     check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None, Flags::default())?;
     let start = Instant::now();
+    // A step draws the views once, as the learned refinement has.
+    let refined = reconstruction.network.as_ref().map(|network| &network.refine);
+    let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(0.0);
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
         let full: Vec<&View> = inputs.views().iter().collect();
         let reduced = at_factor(&full, reduce);
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
         let mut adam = Adam::new(scene.len(), adam);
-        for _ in 0..steps {
+        for done in 0..steps {
             let begun = Instant::now();
+            let needed_s = step_s * if done == 0 { FEWEST_STEPS as f64 } else { 1.0 };
+            if until.is_some_and(|until| begun + Duration::from_secs_f64(needed_s) > until) {
+                break;
+            }
             Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
             adam.step(scene, &views);
             progress.step(Stage::Refine);
-            if until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
-                break;
-            }
+            step_s = begun.elapsed().as_secs_f64();
         }
         Ok::<_, EngineError>(adam.into_summary())
     })?;
     watch.times.add_refine(summary.seconds);
-    reconstruction.optimisation = Some(summary);
+    reconstruction.optimisation = (!summary.losses.is_empty()).then_some(summary);
     reconstruction.seconds += start.elapsed().as_secs_f64();
     Ok(())
 }

@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use super::{ClipWork, Measured, Recipe, Record};
+use crate::refine::adam::FEWEST_STEPS;
 
-/// Speeds that differ by less than this factor are taken for those of the machine that measured: a short stage says no more.
+/// A machine that is slower by less than this factor, or quicker, is taken for the one that measured: a short stage says no more, and its
+/// time on another clip is foreseen no better. What turns out quicker leaves time for more steps.
 const SAME_SPEED: f64 = 1.33;
 
 /// What is known when a recipe is chosen: the clip's initial Gaussians are made.
@@ -25,7 +27,9 @@ pub struct Budget {
 pub struct Chosen {
     /// The recipe.
     pub recipe: Recipe,
-    /// Seconds that it will probably take from here on.
+    /// Steps of per-scene optimisation up to which it pays to go on while there is time.
+    pub most_adam_steps: usize,
+    /// Seconds that the recipe will probably take from here on.
     pub expected_s: f64,
     /// Whether that fits: otherwise it is the quickest of all.
     pub fits: bool,
@@ -37,32 +41,35 @@ pub struct Chosen {
     pub slower: f64,
 }
 
-/// The recipe of `record` that is probably best among those that fit; the quickest where none does; `None` where there is no recipe for
-/// what there is.
+/// The recipe of `record` that is probably best among those that fit, with numbers of steps of per-scene optimisation between recorded
+/// ones too; the quickest where none does; `None` where there is no recipe for what there is.
 pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     let Budget { work, left, begin_s, network } = *budget;
     let begin = record.begin_s(&work);
     let ratio = if begin > 0.0 { begin_s / begin } else { 1.0 };
-    let slower = if (SAME_SPEED.recip()..=SAME_SPEED).contains(&ratio) { 1.0 } else { ratio };
-    let mut offers: Vec<Offer<'_>> = record
-        .recipes
-        .iter()
-        .filter(|row| network || !row.recipe.network)
-        .map(|row| Offer {
-            row,
-            seconds: ((record.seconds(row, &work) - begin) * slower).max(0.0),
-            behind: record.behind(row, &work),
-        })
-        .collect();
+    let slower = if ratio > SAME_SPEED { ratio } else { 1.0 };
+    let offer = |row: &Measured| Offer {
+        recipe: row.recipe,
+        seconds: ((record.seconds(row, &work) - begin) * slower).max(0.0),
+        behind: record.behind(row, &work),
+    };
+    let mut offers: Vec<Offer> =
+        record.recipes.iter().filter(|row| network || !row.recipe.network).map(offer).collect();
     // Of equally good ones the quicker.
     offers.sort_by(|a, b| a.behind.total_cmp(&b.behind).then(a.seconds.total_cmp(&b.seconds)));
-    let best = offers.first()?;
+    let best = *offers.first()?;
+    let left = left.as_secs_f64();
     // What takes no time to speak of does not fit either when the time is over.
-    let fits = |offer: &&Offer<'_>| !left.is_zero() && offer.seconds <= left.as_secs_f64();
-    let fitting = offers.iter().find(fits);
-    let chosen = fitting.or_else(|| offers.iter().min_by(|a, b| a.seconds.total_cmp(&b.seconds)))?;
+    let fits = |offer: &Offer| left > 0.0 && offer.seconds <= left;
+    let between = offers.iter().filter(|offer| fits(offer)).filter_map(|offer| offer.prolonged(&offers, left));
+    let fitting = offers.iter().copied().filter(fits).chain(between);
+    let fitting = fitting.min_by(|a, b| a.behind.total_cmp(&b.behind).then(a.seconds.total_cmp(&b.seconds)));
+    let chosen = fitting.or_else(|| offers.iter().copied().min_by(|a, b| a.seconds.total_cmp(&b.seconds)))?;
+    let better = offers.iter().filter(|offer| fitting.is_some() && offer.is_longer_and_better(&chosen));
+    let most = better.map(|offer| offer.recipe.adam_steps).max();
     Some(Chosen {
-        recipe: chosen.row.recipe,
+        recipe: chosen.recipe,
+        most_adam_steps: most.unwrap_or(chosen.recipe.adam_steps),
         expected_s: chosen.seconds,
         fits: fitting.is_some(),
         gives_up_db: chosen.behind - best.behind,
@@ -71,10 +78,36 @@ pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     })
 }
 
-struct Offer<'a> {
-    row: &'a Measured,
+#[derive(Clone, Copy)]
+struct Offer {
+    recipe: Recipe,
     seconds: f64,
     behind: f64,
+}
+
+impl Offer {
+    fn is_longer_and_better(&self, other: &Self) -> bool {
+        let adam_steps = other.recipe.adam_steps;
+        let alike = Recipe { adam_steps, ..self.recipe } == other.recipe;
+        alike && self.recipe.adam_steps > adam_steps && self.behind < other.behind
+    }
+
+    /// It with as many more steps of per-scene optimisation as fit into `left`, on the line to the next of `offers` that has more and is
+    /// better; `None` where there is none, or the next one fits, or nothing that helps does.
+    fn prolonged(&self, offers: &[Self], left: f64) -> Option<Self> {
+        let longer = offers.iter().filter(|offer| offer.is_longer_and_better(self));
+        let next = longer.min_by_key(|offer| offer.recipe.adam_steps)?;
+        let steps = next.recipe.adam_steps - self.recipe.adam_steps;
+        let step_s = (next.seconds - self.seconds) / steps as f64;
+        let least = if self.recipe.adam_steps == 0 { FEWEST_STEPS } else { 1 };
+        let more = (least..steps).take_while(|&more| self.seconds + step_s * more as f64 <= left).last()?;
+        let share = more as f64 / steps as f64;
+        (next.seconds > left).then(|| Self {
+            recipe: Recipe { adam_steps: self.recipe.adam_steps + more, ..self.recipe },
+            seconds: self.seconds + share * (next.seconds - self.seconds),
+            behind: self.behind + share * (next.behind - self.behind),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -126,6 +159,23 @@ mod tests {
         let chosen = choose(&record(), &budget(0.01)).unwrap();
         assert_eq!((chosen.recipe.refine_steps, chosen.fits), (0, false));
         assert!(choose(&Record { recipes: Vec::new(), ..record() }, &budget(1.0)).is_none());
+    }
+
+    #[test]
+    fn time_between_two_recorded_numbers_of_steps_is_used() {
+        let mut record = record();
+        let adam = Recipe { refine_steps: 1, adam_steps: 10, ..Recipe::default() };
+        record.recipes.push(Measured { recipe: adam, psnr: vec![25.0, 25.0], seconds: vec![2.4, 24.0] });
+        let of = |seconds| choose(&record, &budget(seconds)).unwrap();
+        // 0.3 s for the first step, 0.2 s for each of the others.
+        let chosen = of(0.71);
+        assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 2, 10));
+        assert!((chosen.expected_s - 0.7).abs() < 0.01 && (chosen.gives_up_db - 2.4).abs() < 0.01, "{chosen:?}");
+        // What was recorded is better where it fits, and nothing lies beyond the last.
+        assert_eq!((of(1.0).recipe.refine_steps, of(1.0).most_adam_steps), (3, 0));
+        assert_eq!((of(9.0).recipe.adam_steps, of(9.0).most_adam_steps), (10, 10));
+        assert_eq!(of(0.55).recipe.adam_steps, 0, "one step makes it worse");
+        assert_eq!((of(0.01).fits, of(0.01).most_adam_steps), (false, 0));
     }
 
     #[test]

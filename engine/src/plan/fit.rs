@@ -1,6 +1,6 @@
 //! What a recipe would take on a clip, from what it took on others.
 
-use super::record::ClipWork;
+use super::{least_squares::non_negative, record::ClipWork};
 
 /// Constant, points, pixels.
 const TERMS: usize = 3;
@@ -18,53 +18,13 @@ fn terms(work: &ClipWork) -> [f64; TERMS] {
 impl Line {
     /// The line with the least squares of relative errors through `samples` of work and seconds, all above zero.
     pub(super) fn through(samples: &[(ClipWork, f64)]) -> Self {
-        let rows: Vec<[f64; TERMS]> =
-            samples.iter().map(|(work, seconds)| terms(work).map(|term| term / seconds)).collect();
-        let error = |line: &[f64; TERMS]| -> f64 {
-            rows.iter().map(|row| (row.iter().zip(line).map(|(x, a)| x * a).sum::<f64>() - 1.0).powi(2)).sum()
-        };
-        let feasible = |used: u32| solve(&rows, used).filter(|line| line.iter().all(|a| *a >= 0.0));
-        let best = (1..1 << TERMS).filter_map(feasible).min_by(|a, b| error(a).total_cmp(&error(b)));
-        Self(best.unwrap_or_default())
+        let row = |(work, seconds): &(ClipWork, f64)| terms(work).map(|term| term / seconds);
+        Self(non_negative(&samples.iter().map(row).collect::<Vec<_>>()))
     }
 
     pub(super) fn at(&self, work: &ClipWork) -> f64 {
         terms(work).iter().zip(&self.0).map(|(x, a)| x * a).sum()
     }
-}
-
-/// Least squares of `rows * line = 1` with the terms of the set bits of `used`; `None` where they are not told apart.
-fn solve(rows: &[[f64; TERMS]], used: u32) -> Option<[f64; TERMS]> {
-    let columns: Vec<usize> = (0..TERMS).filter(|k| used >> k & 1 == 1).collect();
-    let n = columns.len();
-    // Terms differ by ten decades: columns are brought to one size first.
-    let size: Vec<f64> = columns.iter().map(|&k| rows.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt()).collect();
-    if size.iter().any(|size| !(*size > 0.0 && size.is_finite())) {
-        return None;
-    }
-    let value = |row: &[f64; TERMS], k: usize| row[columns[k]] / size[k];
-    let mut system = [[0.0; TERMS + 1]; TERMS];
-    for row in rows {
-        for (i, line) in system.iter_mut().take(n).enumerate() {
-            for (j, cell) in line.iter_mut().take(n).enumerate() {
-                *cell += value(row, i) * value(row, j);
-            }
-            line[TERMS] += value(row, i);
-        }
-    }
-    for pivot in 0..n {
-        if system[pivot][pivot] < 1e-9 {
-            return None;
-        }
-        for other in (0..n).filter(|&other| other != pivot) {
-            let factor = system[other][pivot] / system[pivot][pivot];
-            let row = system[pivot];
-            system[other].iter_mut().zip(row).for_each(|(cell, from)| *cell -= factor * from);
-        }
-    }
-    let mut line = [0.0; TERMS];
-    (0..n).for_each(|k| line[columns[k]] = system[k][TERMS] / system[k][k] / size[k]);
-    Some(line)
 }
 
 /// The mean of `values` of clips for a clip of other work: those that are alike count most, and one that is the same alone.

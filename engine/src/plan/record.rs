@@ -47,7 +47,7 @@ pub struct Measured {
 }
 
 /// A recipe with a name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Named {
     /// The best of those that take at most an eighth of the time of `accurate`.

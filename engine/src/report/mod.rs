@@ -6,7 +6,7 @@ mod maps;
 mod metrics;
 mod pictures;
 
-pub use html::{Page, PageView, html};
+pub use html::{Page, PageView, document, escape, html};
 pub use maps::maps_in_words;
 pub use metrics::{
     BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name,

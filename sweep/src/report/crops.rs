@@ -1,7 +1,7 @@
 //! The same part of a held-out view as some configurations draw it.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::escape;
 
 use super::Chapter;
 use crate::{error::Result, record::read_crop, table::Row};

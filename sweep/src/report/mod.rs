@@ -1,5 +1,6 @@
 //! `report.html`: one file that shows what was measured, without anything from elsewhere.
 
+mod budgets;
 mod crops;
 pub(crate) mod plot;
 mod plots;
@@ -7,19 +8,22 @@ mod rows;
 
 use std::path::Path;
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::{document, escape};
 
 use super::{
+    budget::BudgetRow,
     error::Result,
     machine::Machine,
     record::{ClipRecord, Failed},
     table::Row,
 };
+use budgets::budget_table;
 use crops::crops;
 use plots::plots;
 use rows::{best, row_table};
 
-const STYLE: &str = include_str!("style.css");
+/// What the pages of this crate share.
+pub(crate) const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("script.js");
 
 /// A clip.
@@ -31,6 +35,8 @@ pub struct Chapter<'a> {
     pub rows: &'a [Row],
     /// Of each row, the command that runs it.
     pub commands: &'a [String],
+    /// What came of time budgets.
+    pub budgets: &'a [BudgetRow],
 }
 
 /// What the page shows.
@@ -70,7 +76,8 @@ pub fn html(page: &Page<'_>) -> Result<String> {
         let content = plots(chapter.rows)
             + &best(chapter.rows)
             + &crops(chapter, page.out)?
-            + &row_table(chapter.rows, chapter.commands);
+            + &row_table(chapter.rows, chapter.commands)
+            + &budget_table(chapter.budgets);
         body += &section(&chapter.record.clip, &note, &content);
     }
     if !page.failed.is_empty() {
@@ -81,11 +88,7 @@ pub fn html(page: &Page<'_>) -> Result<String> {
         let lines: String = page.failed.iter().map(line).collect();
         body += &section("Could not be measured", "", &format!("<ul>\n{lines}</ul>\n"));
     }
-    Ok(format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>Speed and accuracy – LGS</title>\n<style>\n{STYLE}</style>\n\
-         </head>\n<body>\n<main>\n{body}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
-    ))
+    Ok(document("Speed and accuracy – LGS", STYLE, &body, SCRIPT))
 }
 
 fn header(page: &Page<'_>) -> String {

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use lgs_targetgen::picture::{escape, number};
+use lgs_engine::report::escape;
+use lgs_targetgen::picture::number;
 
 use crate::front::{Offer, on_front};
 

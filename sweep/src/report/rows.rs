@@ -1,6 +1,6 @@
 //! The table behind the plots, and what it says in a sentence.
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::escape;
 
 use crate::table::Row;
 

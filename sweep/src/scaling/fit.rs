@@ -1,5 +1,6 @@
 //! Cost as a power of work.
 
+use lgs_engine::plan::non_negative;
 use serde::Serialize;
 
 /// Fewest sizes that a law is fitted to.
@@ -35,8 +36,6 @@ pub struct Sample {
 pub const KINDS: usize = 3;
 /// How much there is of each kind of work.
 pub type Counts = [f64; KINDS];
-/// A pivot below this is rounding: kinds that grow alike.
-const LEAST_PIVOT: f64 = 1e-9;
 
 /// What one unit of each kind of work costs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -46,49 +45,10 @@ impl Rates {
     /// The rates of costs that work made, none below 0; costs of 0 do not count.
     ///
     /// # Formula
-    /// Least squares of `sum_k rate_k work_k / cost - 1`, so that small and large costs count alike, over those kinds that fit best
-    /// without one below 0.
+    /// Least squares of `sum_k rate_k work_k / cost - 1`, so that small and large costs count alike.
     pub fn of(samples: &[(Counts, f64)]) -> Self {
-        let shares: Vec<Counts> =
-            samples.iter().filter(|(_, cost)| *cost > 0.0).map(|(work, cost)| work.map(|w| w / cost)).collect();
-        let squares = |rates: &Self| shares.iter().map(|share| (rates.cost(*share) - 1.0).powi(2)).sum::<f64>();
-        let sets = (1..1_usize << KINDS).map(|bits| std::array::from_fn(|k| bits >> k & 1 == 1));
-        let fits =
-            sets.filter_map(|kinds| Self::solve(&shares, kinds)).filter(|rates| rates.0.iter().all(|r| *r >= 0.0));
-        fits.min_by(|a, b| squares(a).total_cmp(&squares(b))).unwrap_or_default()
-    }
-
-    /// The rates of some kinds by the normal equations, of any sign; `None` where the kinds cannot be told apart.
-    fn solve(shares: &[Counts], kinds: [bool; KINDS]) -> Option<Self> {
-        let chosen: Vec<usize> = (0..KINDS).filter(|&k| kinds[k]).collect();
-        let moment = |f: &dyn Fn(&Counts) -> f64| shares.iter().map(f).sum::<f64>();
-        let norms: Vec<f64> = chosen.iter().map(|&k| moment(&|share| share[k] * share[k]).sqrt()).collect();
-        if norms.iter().any(|norm| *norm <= 0.0) {
-            return None;
-        }
-        // Rows of the equations, each kind over its norm, the right side last.
-        let mut rows: Vec<Vec<f64>> = Vec::new();
-        for (&i, a) in chosen.iter().zip(&norms) {
-            let left = chosen.iter().zip(&norms).map(|(&j, b)| moment(&|share| share[i] * share[j]) / (a * b));
-            rows.push(left.chain([moment(&|share| share[i]) / a]).collect());
-        }
-        for pivot in 0..rows.len() {
-            let (above, below) = rows.split_at_mut(pivot + 1);
-            let row = &above[pivot];
-            if row[pivot] < LEAST_PIVOT {
-                return None;
-            }
-            for other in below {
-                let factor = other[pivot] / row[pivot];
-                other.iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
-            }
-        }
-        let mut rates = [0.0; KINDS];
-        for k in (0..rows.len()).rev() {
-            let known: f64 = (k + 1..rows.len()).map(|j| rows[k][j] * rates[chosen[j]] * norms[j]).sum();
-            rates[chosen[k]] = (rows[k][rows.len()] - known) / rows[k][k] / norms[k];
-        }
-        Some(Self(rates))
+        let known = samples.iter().filter(|(_, cost)| *cost > 0.0);
+        Self(non_negative(&known.map(|(work, cost)| work.map(|w| w / cost)).collect::<Vec<_>>()))
     }
 
     /// What work costs by the rates.
@@ -185,27 +145,16 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_found_again() {
+    fn work_is_counted_in_the_first_kind_that_costs_something() {
         let works = [[1e3, 5e2, 7.0], [2e3, 9e3, 1.0], [5e4, 1e4, 90.0], [8e4, 3e5, 2.0], [1e5, 1e3, 900.0]];
-        for want in [[2e-6, 5e-7, 1e-4], [0.0, 3e-6, 0.0], [4e-6, 0.0, 2e-5]] {
-            let found = Rates::of(&works.map(|work| (work, Rates(want).cost(work))));
-            for (got, want) in found.0.iter().zip(want) {
-                assert!((got - want).abs() <= 1e-9 * want.max(1e-6), "{found:?}");
-            }
-        }
         let rates = Rates([0.0, 2.0, 1.0]);
+        let mut samples = works.map(|work| (work, rates.cost(work))).to_vec();
+        // A cost of nothing says nothing.
+        samples.push(([1.0; KINDS], 0.0));
+        for (got, want) in Rates::of(&samples).0.iter().zip(rates.0) {
+            assert!((got - want).abs() <= 1e-9, "{got} {want}");
+        }
         assert_eq!((rates.first(), rates.joined([5.0, 10.0, 4.0])), (1, 12.0));
-    }
-
-    #[test]
-    fn no_rate_is_below_zero_and_what_grows_alike_counts_once() {
-        // A cost that falls with the second kind.
-        let works = [[1e3, 5e2, 0.0], [2e3, 9e3, 0.0], [5e4, 1e4, 0.0], [8e4, 3e5, 0.0]];
-        let found = Rates::of(&works.map(|[x, y, z]| ([x, y, z], x / (1.0 + y))));
-        assert!(found.0[0] > 0.0 && found.0[1..] == [0.0; 2], "{found:?}");
-        let alike = [1.0, 4.0, 9.0].map(|x| ([x, 2.0 * x, 0.0], 6.0 * x));
-        let found = Rates::of(&alike);
-        assert!((found.joined([1.0, 2.0, 0.0]) * found.0[found.first()] - 6.0).abs() < 1e-9, "{found:?}");
         assert_eq!(Rates::of(&[]), Rates::default());
     }
 

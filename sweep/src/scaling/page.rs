@@ -1,6 +1,6 @@
 //! `scaling.html`: one file that shows what was measured, without anything from elsewhere.
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::{document, escape};
 
 use super::{
     fit::{PowerLaw, STEEP},
@@ -11,9 +11,9 @@ use super::{
     record::SizeRecord,
     table::Row,
 };
-use crate::{machine::Machine, statistics::Spread};
+use crate::{machine::Machine, report::STYLE as SHARED, statistics::Spread};
 
-const STYLE: &str = concat!(include_str!("../report/style.css"), include_str!("style.css"));
+const STYLE: &str = include_str!("style.css");
 
 /// What the page shows.
 #[derive(Clone, Copy, Debug)]
@@ -43,11 +43,7 @@ pub(super) fn html(page: &Page<'_>) -> String {
         let lines: String = page.failed.iter().map(line).collect();
         body += &section("Could not be measured", &format!("<ul>\n{lines}</ul>\n"));
     }
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>How cost grows – LGS</title>\n<style>\n{STYLE}</style>\n\
-         </head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
+    document("How cost grows – LGS", &format!("{SHARED}{STYLE}"), &body, "")
 }
 
 fn header(page: &Page<'_>) -> String {

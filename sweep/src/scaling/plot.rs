@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use lgs_targetgen::picture::escape;
+use lgs_engine::report::escape;
 
 use super::{
     fit::PowerLaw,

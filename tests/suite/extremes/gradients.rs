@@ -196,7 +196,7 @@ fn saturated_residuals() -> Outcome {
 }
 
 fn residuals(set: &GaussianSet, view: &lgs_engine::views::View) -> MeanResiduals {
-    let wanted = Wanted { gradient: false, mean_residuals: true };
+    let wanted = Wanted { mean_residuals: true, ..Wanted::default() };
     objective_with(set, &[view], &LossWeights::default(), wanted).mean_residuals
 }
 

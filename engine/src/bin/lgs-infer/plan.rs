@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     network::source::ModelSource,
-    pipeline::{Begun, Stage, Watch},
+    pipeline::{Begun, Reconstruction, Stage, Watch},
     plan::{Budget, ClipWork, Recipe, Record, choose},
     report::BudgetRecord,
     views::View,
@@ -21,6 +21,27 @@ pub(crate) struct Plan {
     pub(crate) until: Option<Instant>,
     /// How the budget was spent, but for the time that it took in the end.
     pub(crate) budget: Option<BudgetRecord>,
+}
+
+impl Plan {
+    /// Steps of per-scene optimisation, those that only time decides on included.
+    pub(crate) fn most_adam_steps(&self) -> usize {
+        self.budget.as_ref().map_or(self.recipe.adam_steps, |budget| budget.chosen.most_adam_steps)
+    }
+
+    /// Notes how a budget was spent on `made`, by a run that began at `start`: the flags of the recipe are those that make it again.
+    pub(crate) fn spent(&mut self, made: &Reconstruction, start: Instant) {
+        let Some(budget) = &mut self.budget else { return };
+        budget.finished_s = start.elapsed().as_secs_f64();
+        self.recipe.adam_steps = made.optimisation.as_ref().map_or(0, |summary| summary.losses.len());
+        // A step that was taken back would be again.
+        if let Some(refine) =
+            made.network.as_ref().map(|network| &network.refine).filter(|refine| !refine.stopped_early)
+        {
+            self.recipe.refine_steps = refine.steps;
+        }
+        budget.chosen.recipe = self.recipe;
+    }
 }
 
 /// What can be said against the flags before any work.
@@ -55,7 +76,7 @@ pub(crate) fn plan(
     let network = args.weights != ModelSource::None;
     let Some(budget_s) = args.time_budget else {
         let base = match args.preset {
-            Some(preset) => Record::shipped()?.preset(preset.name()),
+            Some(preset) => Record::shipped()?.preset(preset),
             None => Recipe::default(),
         };
         let recipe = args.recipe(base);

@@ -29,7 +29,7 @@ use crate::{
     args::{Args, ViewsArg, word},
     film::Film,
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
-    plan::{self, Plan},
+    plan,
     progress::Bars,
     summary::summary,
 };
@@ -59,12 +59,13 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     check_memory(&dir, &job.selection, Flags::default())?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let inputs = inputs.with_motion(args.motion.motion());
+    let inputs = inputs.with_motion(args.motion);
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let begun = begin(&inputs, &mut watch)?;
-    let Plan { recipe, until, mut budget } = plan::plan(args, start, &begun, inputs.views(), &watch)?;
+    let mut plan = plan::plan(args, start, &begun, inputs.views(), &watch)?;
+    let (recipe, until) = (plan.recipe, plan.until);
     let model = model.filter(|_| recipe.network);
     let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
     let reduce = recipe.refine_reduce;
@@ -78,14 +79,12 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         seed: args.seed,
     });
     let mut reconstruction = begun.finish(recipe.background, network.as_ref(), &mut watch)?;
-    if recipe.adam_steps > 0 {
+    let steps = plan.most_adam_steps();
+    if steps > 0 {
         let adam = AdamSettings { turns, ..AdamSettings::default() };
-        let settings = OptimiseSettings { steps: recipe.adam_steps, adam, reduce, until };
-        optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
+        optimise(&mut reconstruction, &inputs, OptimiseSettings { steps, adam, reduce, until }, &mut watch)?;
     }
-    if let Some(budget) = &mut budget {
-        budget.finished_s = start.elapsed().as_secs_f64();
-    }
+    plan.spent(&reconstruction, start);
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
@@ -93,8 +92,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let metrics = Metrics {
         format: METRICS_FORMAT,
         clip: dir.clip().name.clone(),
-        config: job.config(&inputs, &recipe),
-        budget,
+        config: job.config(&inputs, &plan.recipe),
+        budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
         seed: args.seed,

@@ -27,22 +27,27 @@ use crate::{
 const SAME_MOMENT: f32 = 1e-3;
 
 /// Where the background comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
-    /// The clip's own depth maps where it has some ([`Mode::Maps`]); else what scored best on held-out frames: [`Mode::Depth`]. PSNR without a network, gaps and depth: 15.87 and 19.59 dB on DDAD
-    /// (three cameras, 304x484), 19.52 and 20.67 on KITTI (188x621), 24.10 and 25.92 over six procedural scenes (128x256).
+    /// What the clip needs: its own depth maps where it has some, else what scored best on held-out frames, `depth`.
+    ///
+    /// PSNR without a network, gaps and depth: 15.87 and 19.59 dB on DDAD (three cameras, 304x484), 19.52 and 20.67 on KITTI (188x621),
+    /// 24.10 and 25.92 over six procedural scenes (128x256).
     #[default]
     Auto,
-    /// No background.
+    /// None.
+    #[value(alias = "none")]
     Off,
     /// A hemisphere far away, above the horizon.
     Sky,
-    /// Where the surfaces around a gap continue to: quicker than [`Mode::Depth`], and worse.
+    /// Where the surfaces around a gap continue to: quicker than `depth`, and worse.
     Gaps,
-    /// Depth maps that the input images and sweeps agree on.
+    /// Where the images and sweeps agree that it is.
     Depth,
-    /// The clip's own depth maps; as [`Mode::Depth`] where an image has none that fits. Held-out PSNR on procedural scenes (one camera,
+    /// Where the clip's depth maps say it is, each brought to metres by the sweep; `depth` for images without one that fits.
+    ///
+    /// Held-out PSNR on procedural scenes (one camera,
     /// 128x256, every second of five frames, no network) with maps as a network gives them (off by up to a tenth in patches), and by
     /// search: 25.52 and 25.54 dB over five of them, depth errors of 1.35 and 1.52 m, in about half the time.
     Maps,

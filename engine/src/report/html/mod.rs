@@ -1,5 +1,6 @@
 //! `report.html`: one file that shows a run, without anything from elsewhere.
 
+mod document;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -11,8 +12,10 @@ use super::{
     pictures::PictureKind,
 };
 use crate::views::Role;
+pub use document::document;
 use tables::{figure_table, settings, stage_bars};
-use text::{count, escape, thousands};
+pub use text::escape;
+use text::{count, thousands};
 use views::{legend, views_of};
 
 const STYLE: &str = include_str!("style.css");
@@ -59,11 +62,7 @@ pub fn html(page: &Page<'_>) -> String {
     body += &section("Figures", "", &figure_table(metrics));
     body += &section("Time", "", &stage_bars(metrics));
     body += &section("Scene and settings", "", &settings(page));
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n\
-         <body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
+    document(&title, STYLE, &body, "")
 }
 
 const INPUT_NOTE: &str = "The reconstruction was made from these images and sweeps.";

@@ -22,7 +22,7 @@ pub(super) fn thousands(n: usize) -> String {
 }
 
 /// The text as HTML shows it, in an element or a quoted attribute.
-pub(super) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
         match c {
             '&' => out.push_str("&amp;"),

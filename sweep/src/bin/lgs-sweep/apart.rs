@@ -14,13 +14,19 @@ use serde::de::DeserializeOwned;
 /// # Errors
 /// When it fails, with the last line that it said.
 pub(crate) fn ask<T: DeserializeOwned>(program: &Path, more: &[&OsStr]) -> Result<T> {
-    let mut command = Command::new(program);
-    command.args(std::env::args_os().skip(1)).args(more);
+    answer(Command::new(program).args(std::env::args_os().skip(1)).args(more))
+}
+
+/// What a command prints as JSON.
+///
+/// # Errors
+/// When it fails, with the last line that it said.
+pub(crate) fn answer<T: DeserializeOwned>(command: &mut Command) -> Result<T> {
     let output = command.stdin(Stdio::null()).output();
     let output = output.map_err(|e| SweepError::Point(format!("a process of its own could not be started: {e}")))?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
-        let last = said.lines().last().map_or("", |line| line.trim_start_matches("lgs-sweep: "));
+        let last = said.lines().last().map_or("", |line| line.split_once(": ").map_or(line, |(_, said)| said));
         let reason = if last.is_empty() { output.status.to_string() } else { last.to_owned() };
         return Err(SweepError::Point(reason));
     }

@@ -3,17 +3,14 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
-use lgs_engine::{network::shipped, pipeline::HoldOut};
+use lgs_engine::{densify::Density, gaussians::background::Mode, network::shipped, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
-use lgs_sweep::{
-    grid::Axes,
-    setting::{Background, DensityBy, Switch},
-};
+use lgs_sweep::{grid::Axes, setting::Switch};
 use lgs_train::ablate::choice::Choice;
 
 use crate::{
     scaling_args::ScalingArgs,
-    values::{ClipArg, Limit, One, WeightsArg, budget, reduce, steps, theta, views},
+    values::{ClipArg, Limit, One, WeightsArg, budget, reduce, seconds, steps, theta, views},
 };
 
 /// Most timed runs of a configuration, and of rounds before them.
@@ -53,8 +50,8 @@ pub(crate) struct Args {
     query: Vec<Switch>,
 
     /// Who prunes and adds primitives, for weights that have a policy
-    #[arg(long, value_name = "policy,random,off", value_delimiter = ',', default_value = "policy,off")]
-    density: Vec<DensityBy>,
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "policy,off")]
+    density: Vec<Density>,
 
     /// Scores above which the policy prunes, and adds, 0 to 1
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0.7", value_parser = theta)]
@@ -65,8 +62,8 @@ pub(crate) struct Args {
     max_gaussians: Vec<Limit>,
 
     /// Backgrounds
-    #[arg(long, value_name = "auto,off,sky,depth", value_delimiter = ',', default_value = "auto,off")]
-    background: Vec<Background>,
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,off")]
+    background: Vec<Mode>,
 
     /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,10,30,100", value_parser = steps::<100_000>)]
@@ -87,6 +84,11 @@ pub(crate) struct Args {
     /// How many times smaller in width and height the images are that a step looks at, 1 to 64
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1,2", value_parser = reduce)]
     refine_reduce: Vec<usize>,
+
+    /// Time budgets to try, seconds: `lgs-infer --time-budget` beside the best of these points that would have been finished in time; with
+    /// --weights tiny or none [default: none]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = seconds)]
+    pub(crate) budgets: Vec<f64>,
 
     /// Frames that are held out, for clips that do not say: as for lgs-infer
     #[arg(long, value_name = "LIST|odd|every:N", default_value = "odd")]
@@ -208,8 +210,8 @@ mod tests {
         assert_eq!(axes.max_gaussians, [None, Some(500)]);
         assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
         assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
-        assert_eq!((axes.density, axes.query), (vec![DensityBy::Random], vec![Switch::Off]));
-        assert_eq!(axes.background, [Background::Off]);
+        assert_eq!((axes.density, axes.query), (vec![Density::Random], vec![Switch::Off]));
+        assert_eq!(axes.background, [Mode::Off]);
         assert!(parse("a --out o --no-adam").unwrap().axes().adam.is_empty());
     }
 
@@ -231,6 +233,8 @@ mod tests {
             "a --out o --repeats 0",
             "a --out o --weights random:",
             "a --out o --one 1",
+            "a --out o --budgets 0",
+            "a --out o --budgets 1,NaN",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }

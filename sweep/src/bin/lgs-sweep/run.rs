@@ -3,24 +3,28 @@
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
+    process::Command,
 };
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{evaluate::lpips::Lpips, network::source::LoadedModel, threads};
 use lgs_formats::{digest::sha256, program::Outcome};
 use lgs_sweep::{
+    budget::BudgetRow,
     case::Case,
     grid::{Parts, Run, runs},
     job::{Found, Job},
     machine::Machine,
     measure::{Judged, judge},
+    pages::{ClipTable, clip_words},
     setting::Weights,
+    spent::Spent,
     table::Row,
 };
 use lgs_train::ablate::subject::open;
 
 use crate::{
-    apart::ask,
+    apart::{answer, ask},
     args::Args,
     progress::Teller,
     scaling,
@@ -83,9 +87,22 @@ fn judge_one(args: &Args, one: One, networks: &Networks<'_>, grid: &[Run]) -> Re
 fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -> Result<Outcome> {
     let program = std::env::current_exe().context("this program: find")?;
     let judge = |clip: usize, run: usize| judge_apart(&program, One { clip, run });
+    let infer = program.with_file_name(format!("lgs-infer{}", std::env::consts::EXE_SUFFIX));
+    if !args.budgets.is_empty() && !infer.is_file() {
+        bail!("--budgets: expected lgs-infer beside this program, found nothing at {}", infer.display());
+    }
+    let weights = networks.named.first().map_or("none", |(_, arg)| &arg.text);
+    let clips = args.clips();
+    let spend = |clip: usize, budget_s: f64| {
+        let mut command = Command::new(&infer);
+        command.arg(&clips[clip].dir).args(clip_words(&clips[clip])).args(["--weights", weights]);
+        command.args(["--seed", &args.seed.to_string(), "--threads", &threads.to_string()]);
+        command.args(["--time-budget", &budget_s.to_string(), "--views", "held-out", "--json", "--out"]);
+        Spent::of(&answer(command.arg(args.out.join("budget")))?)
+    };
     let [repeats, warm_up] = args.rounds();
     let job = Job {
-        clips: args.clips(),
+        clips: clips.clone(),
         models: &networks.loaded,
         weights: networks.named.iter().map(|(weights, arg)| (weights.clone(), arg.text.clone())).collect(),
         runs: grid,
@@ -96,6 +113,8 @@ fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -
         machine: Machine::this(&program, threads)?,
         out: output_dir(&args.out)?,
         judge: &judge,
+        budgets: args.budgets.clone(),
+        spend: &spend,
     };
     let teller = Teller::new(job.total_weight())?;
     let found = job.run(&teller)?;
@@ -125,7 +144,7 @@ fn judge_apart(program: &Path, one: One) -> lgs_sweep::error::Result<Judged> {
 
 fn outcome(found: &Found, out: &Path) -> Outcome {
     let mut text = String::new();
-    for (clip, rows) in &found.tables {
+    for ClipTable { clip, rows, budgets } in &found.tables {
         // Writing to a String cannot fail.
         let _ =
             writeln!(text, "{clip}: {} configurations, of which nothing is both faster and better than", rows.len());
@@ -135,6 +154,17 @@ fn outcome(found: &Found, out: &Path) -> Outcome {
             let psnr = row.figures.psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}"));
             let adam = row.speed_up().map_or(String::new(), |times| format!("  Adam takes {times:.1} times as long"));
             let _ = writeln!(text, "  {:8.3} s  {psnr} dB  {}{adam}", row.seconds.median, row.name);
+        }
+        for row in budgets {
+            let psnr = row.psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}"));
+            let best =
+                row.best.as_ref().map_or("none".to_owned(), |best| format!("{:.2} dB, {}", best.psnr, best.name));
+            let BudgetRow { budget_s, finished_s, flags, .. } = row;
+            let _ = writeln!(
+                text,
+                "  budget {budget_s} s: finished after {:.2} s, {psnr} dB, {flags}; best that fits: {best}",
+                finished_s.median
+            );
         }
     }
     let _ = writeln!(text, "  to look at  {}", out.join("report.html").display());

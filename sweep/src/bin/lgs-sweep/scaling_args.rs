@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_sweep::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 17] = [
+const OTHERS: [&str; 18] = [
     "clips",
     "refine_steps",
     "query",
@@ -20,6 +20,7 @@ const OTHERS: [&str; 17] = [
     "then_adam",
     "refine_views",
     "refine_reduce",
+    "budgets",
     "hold_out",
     "image_size",
     "frames",

@@ -95,3 +95,8 @@ pub(crate) fn theta(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
     value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
 }
+
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| format!("expected a number of seconds above 0, found {text:?}"))
+}

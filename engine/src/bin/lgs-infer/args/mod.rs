@@ -8,16 +8,16 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
+    densify::Density,
+    gaussians::{background::Mode, motion::Motion},
     network::{shipped, source::ModelSource},
     pipeline::HoldOut,
-    plan::Recipe,
+    plan::{Named, Recipe},
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-use values::{
-    BackgroundArg, DensityArg, MotionArg, PresetArg, RefineWith, Switch, budget, pictures, rate, score, seconds,
-};
 pub(crate) use values::{PathArg, ViewsArg, word};
+use values::{RefineWith, Switch, budget, pictures, rate, score, seconds};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
@@ -51,10 +51,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", default_value = shipped::DEFAULT)]
     pub(crate) weights: ModelSource,
 
-    /// A point on the measured front of speed and accuracy, which the flags given beside it change: `fast`: at most an eighth of the time
-    /// of `accurate`; `balanced`: at most half of it [default: what each flag says]
+    /// A point on the measured front of speed and accuracy, which the flags given beside it change [default: what each flag says]
     #[arg(long, value_enum)]
-    pub(crate) preset: Option<PresetArg>,
+    pub(crate) preset: Option<Named>,
 
     /// Seconds from the start of the program until the scene is finished: picks what is probably the best that fits, from recorded times;
     /// views are drawn and files written after it; with --weights tiny or none [default: none]
@@ -78,10 +77,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
     refine_reduce: Option<u32>,
 
-    /// Who prunes and adds primitives: `policy`: the network; `random`: chance, as often as the network would; `off`: nobody
-    /// [default: policy]
+    /// Who prunes and adds primitives [default: policy]
     #[arg(long, value_enum)]
-    density: Option<DensityArg>,
+    density: Option<Density>,
 
     /// Score above which a primitive is pruned, 0 to 1
     #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
@@ -117,16 +115,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LIST|odd|every:N|none", default_value_t = HoldOut::Nothing)]
     pub(crate) hold_out: HoldOut,
 
-    /// Gaussians for what the LiDAR does not reach: `auto`: what the clip needs; `off`: none; `sky`: a far hemisphere;
-    /// `gaps`: where the surfaces around a gap continue to (quick); `depth`: where the images say it is; `maps`: where the clip's
-    /// depth maps say it is, each brought to metres by the sweep, `depth` for images without one (what `auto` takes)
-    /// [default: auto]
+    /// Gaussians for what the LiDAR does not reach [default: auto]
     #[arg(long, value_enum)]
-    background: Option<BackgroundArg>,
+    background: Option<Mode>,
 
-    /// How fast the LiDAR Gaussians move at first: `registered`: as input sweeps say that are registered to each other; `none`: not at all
-    #[arg(long, value_enum, default_value_t = MotionArg::Registered)]
-    pub(crate) motion: MotionArg,
+    /// Where the velocities of the LiDAR Gaussians come from at first
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) motion: Motion,
 
     /// Views to draw, measure and write: `all`, `held-out` or `none`
     #[arg(long, value_enum, default_value_t = ViewsArg::All)]
@@ -205,10 +200,10 @@ impl Args {
             Some(RefineWith::Adam(adam)) => [steps.unwrap_or(0), adam],
         };
         Recipe {
-            background: self.background.map_or(base.background, BackgroundArg::mode),
+            background: self.background.unwrap_or(base.background),
             network: base.network,
             query: self.query.map_or(base.query, |switch| switch == Switch::On),
-            density: self.density.map_or(base.density, DensityArg::density),
+            density: self.density.unwrap_or(base.density),
             refine_steps,
             adam_steps,
             refine_views: self.refine_views.or(base.refine_views),

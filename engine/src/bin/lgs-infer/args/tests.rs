@@ -2,8 +2,6 @@
 
 use clap::CommandFactory;
 
-use lgs_engine::{densify::Density, gaussians::background::Mode};
-
 use super::*;
 
 fn parse(line: &str) -> Result<Args, clap::Error> {

@@ -3,11 +3,6 @@
 use std::{path::PathBuf, str::FromStr};
 
 use clap::ValueEnum;
-use lgs_engine::{
-    densify::Density,
-    gaussians::{background::Mode, motion::Motion},
-    plan::Named,
-};
 use lgs_formats::camera_path::MAX_POSES;
 
 /// Most steps of per-scene optimisation that may be asked for.
@@ -15,25 +10,6 @@ const MAX_ADAM_STEPS: usize = 100_000;
 
 /// Longest time budget that may be asked for, seconds.
 const MAX_BUDGET_S: f64 = 1e6;
-
-/// `--density`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum DensityArg {
-    Policy,
-    Random,
-    Off,
-}
-
-impl DensityArg {
-    /// The engine's word for it.
-    pub(crate) const fn density(self) -> Density {
-        match self {
-            Self::Policy => Density::Policy,
-            Self::Random => Density::Random,
-            Self::Off => Density::Off,
-        }
-    }
-}
 
 /// `--refine-with`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,67 +41,6 @@ impl FromStr for RefineWith {
 pub(crate) enum Switch {
     On,
     Off,
-}
-
-/// `--motion`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MotionArg {
-    Registered,
-    None,
-}
-
-impl MotionArg {
-    /// The engine's word for it.
-    pub(crate) const fn motion(self) -> Motion {
-        match self {
-            Self::Registered => Motion::Registered,
-            Self::None => Motion::None,
-        }
-    }
-}
-
-/// `--background`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum BackgroundArg {
-    Auto,
-    Off,
-    Sky,
-    Gaps,
-    Depth,
-    Maps,
-}
-
-impl BackgroundArg {
-    /// The engine's word for it.
-    pub(crate) const fn mode(self) -> Mode {
-        match self {
-            Self::Auto => Mode::Auto,
-            Self::Off => Mode::Off,
-            Self::Sky => Mode::Sky,
-            Self::Gaps => Mode::Gaps,
-            Self::Depth => Mode::Depth,
-            Self::Maps => Mode::Maps,
-        }
-    }
-}
-
-/// `--preset`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PresetArg {
-    Fast,
-    Balanced,
-    Accurate,
-}
-
-impl PresetArg {
-    /// The engine's word for it.
-    pub(crate) const fn name(self) -> Named {
-        match self {
-            Self::Fast => Named::Fast,
-            Self::Balanced => Named::Balanced,
-            Self::Accurate => Named::Accurate,
-        }
-    }
 }
 
 /// `--views`.
