@@ -58,7 +58,7 @@ fn same_shipped() -> Outcome {
     let out = place.path().join("out0");
     let cloud = read_ply(&out.join("scene.ply")).map_err(failed)?;
     ensure(cloud.velocities.iter().any(|v| *v != [0.0; 3]), || "no velocity was registered".to_owned())?;
-    let steps = &metrics::read(&out)?["refine"]["steps"];
+    let steps = &metrics::read(&out)?["network"]["refine"]["steps"];
     ensure(steps.as_u64().is_some_and(|steps| steps > 0), || format!("{steps} learned steps"))
 }
 
