@@ -173,8 +173,8 @@ pub struct OptimiseSettings {
     pub adam: AdamSettings,
     /// How many times smaller in width and height the images are that it looks at.
     pub reduce: usize,
-    /// No step begins that would probably end later than this, and none at all where there is no time for [`FEWEST_STEPS`], which are never cut short; `None` for
-    /// no limit.
+    /// No step begins that would probably end later than this, but for the [`FEWEST_STEPS`], which run all or, where there is no time
+    /// for them, not at all; `None` for no limit.
     pub until: Option<Instant>,
 }
 
