@@ -174,8 +174,8 @@ pub struct OptimiseSettings {
     pub adam: AdamSettings,
     /// How many times smaller in width and height the images are that it looks at.
     pub reduce: usize,
-    /// No step begins that would probably end later than this, and none at all where there is no time for [`FEWEST_STEPS`]; `None` for
-    /// no limit.
+    /// No step begins that would probably end later than this, but for the [`FEWEST_STEPS`], which run all or, where there is no time
+    /// for them, not at all; `None` for no limit.
     pub until: Option<Instant>,
 }
 
@@ -205,7 +205,8 @@ pub fn optimise(
         for done in 0..steps {
             let begun = Instant::now();
             let needed_s = step_s * if done == 0 { FEWEST_STEPS as f64 } else { 1.0 };
-            if until.is_some_and(|until| begun + Duration::from_secs_f64(needed_s) > until) {
+            let may_end = done == 0 || done >= FEWEST_STEPS;
+            if may_end && until.is_some_and(|until| begun + Duration::from_secs_f64(needed_s) > until) {
                 break;
             }
             Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;

@@ -61,6 +61,9 @@ pub(super) struct Plot<'a> {
     pub(super) dots: Vec<Dot>,
 }
 
+/// Width and height of what is written at a dot.
+const TEXT: [f64; 2] = [26.0, 12.0];
+
 /// Values along an axis brought to places on the page.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mapping {
@@ -150,10 +153,30 @@ impl Plot<'_> {
         svg += &line("front", on_it, &x, &y);
         let mut order: Vec<usize> = (0..self.dots.len()).collect();
         order.sort_by_key(|&k| (front[k], self.dots[k].reference_steps.is_none()));
+        let texts = self.texts(&order, &front, [&x, &y]);
         for k in order {
-            svg += &dot(&self.dots[k], front[k], &x, &y);
+            svg += &dot(&self.dots[k], front[k], texts[k].as_deref(), [&x, &y]);
         }
         svg + "</svg></figure>\n"
+    }
+
+    /// What is written at each dot: nothing where it would cover what a dot later in the order says.
+    fn texts(&self, order: &[usize], front: &[bool], [x, y]: [&Mapping; 2]) -> Vec<Option<String>> {
+        let (mut texts, mut taken) = (vec![None; self.dots.len()], Vec::<[f64; 2]>::new());
+        for &k in order.iter().rev() {
+            let dot = &self.dots[k];
+            let text = match (dot.reference_steps, front[k]) {
+                (Some(steps), _) => steps.to_string(),
+                (None, true) => format!("#{}", dot.row),
+                (None, false) => continue,
+            };
+            let at = [x.place(dot.x), y.place(dot.y)];
+            if taken.iter().all(|other| (0..2).any(|k| (other[k] - at[k]).abs() >= TEXT[k])) {
+                taken.push(at);
+                texts[k] = Some(text);
+            }
+        }
+        texts
     }
 }
 
@@ -206,7 +229,7 @@ fn line<'a>(class: &str, dots: impl Iterator<Item = &'a Dot>, x: &Mapping, y: &M
     format!("<polyline class=\"{class}\" points=\"{}\"/>\n", places.join(" "))
 }
 
-fn dot(dot: &Dot, on_front: bool, x: &Mapping, y: &Mapping) -> String {
+fn dot(dot: &Dot, on_front: bool, text: Option<&str>, [x, y]: [&Mapping; 2]) -> String {
     let (at_x, at_y) = (x.place(dot.x), y.place(dot.y));
     let class = match (dot.reference_steps, on_front) {
         (Some(_), true) => "reference best",
@@ -220,11 +243,6 @@ fn dot(dot: &Dot, on_front: bool, x: &Mapping, y: &Mapping) -> String {
         let _ = write!(svg, "<line x1=\"{low:.1}\" y1=\"{at_y:.1}\" x2=\"{high:.1}\" y2=\"{at_y:.1}\"/>");
     }
     let _ = write!(svg, "<circle cx=\"{at_x:.1}\" cy=\"{at_y:.1}\" r=\"5\"/>");
-    let text = match (dot.reference_steps, on_front) {
-        (Some(steps), _) => Some(steps.to_string()),
-        (None, true) => Some(format!("#{}", dot.row)),
-        (None, false) => None,
-    };
     if let Some(text) = text {
         let (text_x, anchor) = if at_x > FRAME[1] - 30.0 { (at_x - 8.0, "end") } else { (at_x + 8.0, "start") };
         let text_y = if at_y < FRAME[2] + 12.0 { at_y + 16.0 } else { at_y - 7.0 };
@@ -258,6 +276,12 @@ mod tests {
         assert_eq!((svg.matches("class=\"best\"").count(), svg.matches("class=\"beaten\"").count()), (2, 1));
         assert!(svg.contains("polyline class=\"front\"") && svg.contains("a &lt; b") && svg.contains("a &amp; b"));
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    }
+
+    #[test]
+    fn nothing_is_written_over_another() {
+        let svg = plot(&[[1.0, 10.0], [1.001, 10.001], [3.0, 12.0]]);
+        assert_eq!((svg.matches(">#").count(), svg.matches("<circle").count()), (2, 3), "{svg}");
     }
 
     #[test]

@@ -85,20 +85,20 @@ pub(crate) fn plan(
         }
         return Ok(Plan { recipe: Recipe { network: recipe.network && network, ..recipe }, until: None, budget: None });
     };
-    let until = start + Duration::from_secs_f64(budget_s);
+    let (now, until) = (Instant::now(), start + Duration::from_secs_f64(budget_s));
     let pixels = views.iter().map(|view| view.pinhole.num_pixels()).sum();
     let budget = Budget {
         work: ClipWork { points: begun.num_points(), pixels, views: views.len() },
-        left: until.saturating_duration_since(Instant::now()),
+        left: until.saturating_duration_since(now),
         begin_s: watch.times.get(Stage::Points),
         network,
     };
     let chosen = choose(&Record::shipped()?, &budget);
     let chosen = chosen.context("--time-budget: expected recorded times for these weights, found none")?;
-    let elapsed_s = budget_s - budget.left.as_secs_f64();
+    let before_s = now.duration_since(start).as_secs_f64();
     Ok(Plan {
         recipe: chosen.recipe,
         until: Some(until),
-        budget: Some(BudgetRecord { budget_s, before_s: elapsed_s, chosen, finished_s: 0.0 }),
+        budget: Some(BudgetRecord { budget_s, before_s, chosen, finished_s: 0.0 }),
     })
 }

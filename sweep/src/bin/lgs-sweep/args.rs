@@ -42,11 +42,11 @@ pub(crate) struct Args {
     pub(crate) weights: Vec<WeightsArg>,
 
     /// Steps of the learned refinement
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,1,2,3,5", value_parser = steps::<1000>)]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,1,3", value_parser = steps::<1000>)]
     refine_steps: Vec<usize>,
 
     /// Whether primitives ask their nearest of other timestamps, for weights that have a query
-    #[arg(long, value_name = "on,off", value_delimiter = ',', default_value = "on,off")]
+    #[arg(long, value_name = "on,off", value_delimiter = ',', default_value = "on")]
     query: Vec<Switch>,
 
     /// Who prunes and adds primitives, for weights that have a policy
@@ -62,11 +62,11 @@ pub(crate) struct Args {
     max_gaussians: Vec<Limit>,
 
     /// Backgrounds
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,off")]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,gaps")]
     background: Vec<Mode>,
 
     /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,10,30,100", value_parser = steps::<100_000>)]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10,20,30", value_parser = steps::<100_000>)]
     adam: Vec<usize>,
 
     /// Leave the reference out
@@ -74,7 +74,7 @@ pub(crate) struct Args {
     no_adam: bool,
 
     /// Steps of per-scene optimisation after the learned refinement
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,10,30", value_parser = steps::<100_000>)]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10", value_parser = steps::<100_000>)]
     then_adam: Vec<usize>,
 
     /// Input views that a step of a refinement looks at, or `all`
@@ -82,7 +82,7 @@ pub(crate) struct Args {
     refine_views: Vec<Limit>,
 
     /// How many times smaller in width and height the images are that a step looks at, 1 to 64
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1,2", value_parser = reduce)]
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1", value_parser = reduce)]
     refine_reduce: Vec<usize>,
 
     /// Time budgets to try, seconds: `lgs-infer --time-budget` beside the best of these points that would have been finished in time; with
