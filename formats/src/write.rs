@@ -12,7 +12,7 @@ use crate::{
 /// The directory of `path` must exist.
 ///
 /// # Errors
-/// [`FormatError::Io`] when the directory cannot be written to.
+/// [`FormatError::Io`] when the directory cannot be written to; a path that is a device or a pipe.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic_with(path, |file| file.write_all(bytes).map_err(|e| FormatError::io(path, "write", e)))
 }
@@ -26,6 +26,10 @@ pub fn write_atomic_with<T>(path: &Path, fill: impl FnOnce(&mut std::fs::File) -
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    if std::fs::metadata(path).is_ok_and(|old| !old.is_file() && !old.is_dir()) {
+        // The rename would put a plain file where a device or a pipe was.
+        return Err(FormatError::invalid(path, "file type", "a new or a regular file", "a special file"));
+    }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".lgs-").suffix(".part");
     #[cfg(unix)]
@@ -38,6 +42,14 @@ pub fn write_atomic_with<T>(path: &Path, fill: impl FnOnce(&mut std::fs::File) -
     file.as_file().sync_all().map_err(|e| FormatError::io(path, "sync", e))?;
     file.persist(path).map_err(|e| FormatError::io(path, "rename to", e.error))?;
     Ok(value)
+}
+
+/// Nothing, when files can be made in `directory`; none is left there.
+///
+/// # Errors
+/// [`FormatError::Io`] when not.
+pub fn check_writable(directory: &Path) -> Result<()> {
+    tempfile::tempfile_in(directory).map(drop).map_err(|e| FormatError::io(directory, "write into", e))
 }
 
 #[cfg(test)]
@@ -71,6 +83,31 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let message = write_atomic(&dir.path().join("no/such.bin"), b"").unwrap_err().to_string();
         assert!(message.contains("such.bin: create: "), "{message}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_plain_file_stays_what_it_is() {
+        use std::os::unix::net::UnixListener;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("socket");
+        let _listener = UnixListener::bind(&path).unwrap();
+        let message = write_atomic(&path, b"bytes").unwrap_err().to_string();
+        assert!(
+            message.ends_with("socket: file type: expected a new or a regular file, found a special file"),
+            "{message}"
+        );
+        assert!(!std::fs::metadata(&path).unwrap().is_file());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn whether_a_directory_takes_files_is_known_without_one() {
+        let dir = tempfile::tempdir().unwrap();
+        check_writable(dir.path()).unwrap();
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        let message = check_writable(&dir.path().join("none")).unwrap_err().to_string();
+        assert!(message.contains("none: write into: "), "{message}");
     }
 
     #[cfg(unix)]

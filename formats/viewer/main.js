@@ -6,6 +6,8 @@ import { unpack } from "./scene.js";
 
 const NEAR = 0.05;
 const FAR = 5000;
+// Slower than this is what a network says of things that stand, metres a second.
+const MOVES = 0.5;
 // How far ahead of a camera the point lies that a drag turns around, metres.
 const TURN_DISTANCE = 12;
 
@@ -57,7 +59,9 @@ class Page {
     const of = (id) => document.getElementById(id);
     const count = this.gaussians.count.toLocaleString("en");
     of("title").textContent = title;
-    of("count").textContent = `${count} Gaussians, ${this.moving.length.toLocaleString("en")} of them move`;
+    const speed = (i) => Math.hypot(...this.gaussians.velocities.subarray(3 * i, 3 * i + 3));
+    const fast = this.moving.filter((i) => speed(i) > MOVES).length.toLocaleString("en");
+    of("count").textContent = `${count} Gaussians, ${fast} of them faster than ${MOVES} m/s`;
     const list = of("stops");
     this.stops.forEach((stop, index) => list.append(new Option(`${stop.name}  ${stop.time.toFixed(2)} s`, index)));
     list.addEventListener("change", () => this.show(Number(list.value)));

@@ -112,8 +112,9 @@ impl Selection {
         if images.iter().any(|image| image.role == Role::Input) {
             return Ok(images);
         }
-        let expected = "an input frame with an image".to_owned();
-        Err(setting("--cameras", expected, format!("no image in input frames {}", list(&frames.input))))
+        let expected = "an image in an input frame of the clip".to_owned();
+        let setting_name = if self.cameras.is_some() { "--cameras" } else { "--frames" };
+        Err(setting(setting_name, expected, format!("none in {}", list(&frames.input))))
     }
 }
 

@@ -81,11 +81,17 @@ struct BoxJson {
 /// # Errors
 /// Text that is no JSON, keys or types that the format does not know, values out of range, each by its field.
 pub(crate) fn parse(file: &Path, text: &[u8]) -> Result<Clip> {
+    let text = without_mark(text);
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let json: ClipJson = serde_path_to_error::deserialize(&mut deserializer)
         .map_err(|e| wrong_format(file, text).unwrap_or_else(|| syntax_error(file, text, &e)))?;
     deserializer.end().map_err(|e| line_error(file, text, "end of file", &e))?;
     Checker::new(file).clip(json)
+}
+
+/// The text without the mark of UTF-8 that some editors put before it.
+pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
 }
 
 /// The text of the `clip.json` of a clip, which [`parse`] reads back to the same bits.

@@ -20,7 +20,7 @@ use super::{
     nearest::{Shot, image_of_each},
     table::Table,
     trajectory::{Moment, Trajectory},
-    values::{At, Numbered, entries, numbered},
+    values::{At, IMAGE_ENDINGS, Numbered, folders, numbered},
 };
 use crate::{
     camera::{Camera, Intrinsics},
@@ -191,15 +191,14 @@ fn sensors(folder: &Path, mounts: &BTreeMap<String, Pose>) -> Result<Vec<Sensor>
             })
         };
         Ok(Sensor {
-            files: numbered(&folder.join(CAMERAS).join(&name), &[".jpg", ".png"])?,
+            files: numbered(&folder.join(CAMERAS).join(&name), &IMAGE_ENDINGS)?,
             name,
             intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
             size: [side(width, "width_px")?, side(height, "height_px")?],
             vehicle_from_camera,
         })
     };
-    let names_there = entries(&folder.join(CAMERAS), &[""])?;
-    names_there.into_iter().filter(|name| folder.join(CAMERAS).join(name).is_dir()).map(of_name).collect()
+    folders(&folder.join(CAMERAS))?.into_iter().map(of_name).collect()
 }
 
 /// A whole number of pixels.

@@ -18,7 +18,7 @@ use motion::Motion;
 
 use super::{
     Source,
-    values::{At, entries, numbered, read_text},
+    values::{At, IMAGE_ENDINGS, folders, numbered, read_text},
 };
 use crate::{
     camera::{Camera, Intrinsics},
@@ -30,21 +30,28 @@ use crate::{
 
 const CALIBRATION: &str = "calib_cam_to_cam.txt";
 const SWEEPS: &str = "velodyne_points";
-const IMAGE_ENDINGS: [&str; 3] = [".png", ".jpg", ".jpeg"];
 
-/// Whether a folder is a drive, or a date with one drive.
+/// Whether a folder is a drive, or a date with drives.
 pub(super) fn is_of(folder: &Path) -> bool {
-    drive_of(folder).is_ok()
+    drives(folder).is_ok_and(|drives| !drives.is_empty())
 }
 
-/// The drive that a folder is or that is the only one in it, at most two levels down.
-fn drive_of(folder: &Path) -> Result<PathBuf> {
-    let is_drive = |place: &Path| place.join(SWEEPS).is_dir() && place.join("..").join(CALIBRATION).is_file();
+/// The folder of the date of a drive.
+fn date_of(drive: &Path) -> PathBuf {
+    match (drive.file_name(), drive.parent()) {
+        (Some(_), Some(date)) if !date.as_os_str().is_empty() => date.to_owned(),
+        _ => drive.join(".."),
+    }
+}
+
+/// The drive that a folder is, or the drives in it, at most two levels down.
+fn drives(folder: &Path) -> Result<Vec<PathBuf>> {
+    let is_drive = |place: &Path| place.join(SWEEPS).is_dir() && date_of(place).join(CALIBRATION).is_file();
     if is_drive(folder) {
-        return Ok(folder.to_owned());
+        return Ok(vec![folder.to_owned()]);
     }
     let below = |place: &Path| -> Result<Vec<PathBuf>> {
-        Ok(entries(place, &[""])?.into_iter().map(|name| place.join(name)).filter(|path| path.is_dir()).collect())
+        Ok(folders(place)?.into_iter().map(|name| place.join(name)).collect())
     };
     let mut drives = Vec::new();
     for place in below(folder)? {
@@ -54,21 +61,30 @@ fn drive_of(folder: &Path) -> Result<PathBuf> {
             drives.extend(below(&place)?.into_iter().filter(|place| is_drive(place)));
         }
     }
-    match drives.as_slice() {
-        [one] => Ok(one.clone()),
-        other => Err(FormatError::invalid(folder, "drive", "one folder `*_drive_*_sync`", other.len().to_string())),
+    Ok(drives)
+}
+
+/// The drive that a folder is or that is the only one in it.
+fn drive_of(folder: &Path) -> Result<PathBuf> {
+    let drives = drives(folder)?;
+    if let [one] = drives.as_slice() {
+        return Ok(one.clone());
     }
+    let names: Vec<String> = drives.iter().take(5).map(|drive| drive.display().to_string()).collect();
+    let expected = format!("one folder `*_drive_*_sync` beside a `{CALIBRATION}`");
+    Err(FormatError::invalid(folder, "drive", expected, format!("{} {}", drives.len(), names.join(", "))))
 }
 
 /// The clip of a drive.
 pub(super) fn read(folder: &Path) -> Result<Source> {
     let drive = drive_of(folder)?;
-    let date = drive.join("..");
+    let date = date_of(&drive);
     let calibration = Calibration::read(&date)?;
     let times = Times::read(&drive.join(SWEEPS).join("timestamps.txt"))?;
     let motion = Motion::read(&drive, &date, &calibration)?;
     let mut sensors = Vec::new();
-    for name in entries(&drive, &[""])?.into_iter().filter(|name| name.starts_with("image_0")) {
+    let is_camera = |name: &str| name.strip_prefix("image_").is_some_and(|n| n.len() == 2 && n.parse::<u8>().is_ok());
+    for name in folders(&drive)?.into_iter().filter(|name| is_camera(name)) {
         sensors.push(Sensor::read(&drive, name, &calibration)?);
     }
     let mut boxes = tracklets::read(&drive.join("tracklet_labels.xml"))?;

@@ -112,6 +112,9 @@ struct Source {
 /// # Errors
 /// Those of [`ClipDir::open`] and [`open_as`]; a folder of neither kind.
 pub fn open(path: &Path) -> Result<ClipDir> {
+    if path.is_file() {
+        return Err(FormatError::invalid(path, "layout", "a folder", "a file"));
+    }
     if !path.is_dir() || path.join(CLIP_FILE).exists() {
         return ClipDir::open(path);
     }
@@ -121,7 +124,8 @@ pub fn open(path: &Path) -> Result<ClipDir> {
             let names = Layout::ALL.map(|layout| layout.to_string()).join(", ");
             let expected = format!("`{CLIP_FILE}` or the files of one of {names}");
             let found = values::entries(path, &[""])?.into_iter().take(5).collect::<Vec<_>>().join(", ");
-            Err(FormatError::invalid(path, "layout", expected, format!("`{found}`")))
+            let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
+            Err(FormatError::invalid(path, "layout", expected, found))
         }
     }
 }
@@ -134,6 +138,14 @@ pub fn open_as(layout: Layout, path: &Path, selection: &Selection) -> Result<Cli
     if let Some(scene) = selection.scene.as_ref().filter(|_| layout != Layout::NuScenes) {
         let expected = format!("none: a folder of {layout} holds one scene");
         return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
+    }
+    if let Some(other) = Layout::ALL.into_iter().find(|other| !layout.is_of(path) && other.is_of(path)) {
+        return Err(FormatError::invalid(
+            path,
+            "layout",
+            format!("the files of {layout}"),
+            format!("those of {other}"),
+        ));
     }
     let Source { root, mut clip, decoder } = layout.read(path, selection.scene.as_deref())?;
     if let Some(frames) = &selection.frames {

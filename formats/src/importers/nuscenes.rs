@@ -108,12 +108,15 @@ fn scene_of(file: &Path, name: Option<&str>) -> Result<Scene> {
     let mut scenes: Vec<Scene> = read_table(file, |_| true)?;
     let names: Vec<String> = scenes.iter().take(10).map(|scene| scene.name.clone()).collect();
     let error = |expected: String| {
-        let found = format!("{} scenes: {}, ...", scenes.len(), names.join(", "));
+        let more = if names.len() < scenes.len() { ", ..." } else { "" };
+        let found = format!("{} scenes: {}{more}", scenes.len(), names.join(", "));
         FormatError::invalid(file, "--scene", expected, found)
     };
     match name {
         None if scenes.len() == 1 => Ok(scenes.remove(0)),
-        None => Err(error("the name of one".to_owned())),
+        None => {
+            Err(error("the name of one, to import it alone (`lgs-clip import nuscenes SRC --scene NAME`)".to_owned()))
+        }
         Some(name) => match scenes.iter().position(|scene| scene.name == name) {
             Some(index) => Ok(scenes.swap_remove(index)),
             None => Err(error(format!("`{name}`"))),

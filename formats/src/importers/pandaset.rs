@@ -19,7 +19,7 @@ use serde::Deserialize;
 use super::{
     Source, folder_name,
     pickle::read_frame,
-    values::{At, Numbered, entries, numbered, read_json, yaw},
+    values::{At, IMAGE_ENDINGS, Numbered, entries, folders, numbered, read_json, yaw},
 };
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
@@ -63,7 +63,7 @@ pub(super) fn is_of(folder: &Path) -> bool {
 pub(super) fn read(folder: &Path) -> Result<Source> {
     let sweeps = Sensor::read(folder, "lidar", &FRAME_ENDINGS)?;
     let mut cameras = Vec::new();
-    for name in entries(&folder.join("camera"), &[""]).unwrap_or_default() {
+    for name in folders(&folder.join("camera")).unwrap_or_default() {
         cameras.push(Images::read(folder, &name)?);
     }
     let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).ok();
@@ -158,7 +158,7 @@ struct Images {
 impl Images {
     fn read(folder: &Path, name: &str) -> Result<Self> {
         let place = format!("camera/{name}");
-        let sensor = Sensor::read(folder, &place, &[".jpg", ".png"])?;
+        let sensor = Sensor::read(folder, &place, &IMAGE_ENDINGS)?;
         let intrinsics = read_json(&folder.join(&place).join("intrinsics.json"))?;
         let size = match sensor.files.first() {
             Some(file) => crate::image::dimensions(&folder.join(&place).join(&file.name))?,

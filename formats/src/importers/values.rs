@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::de::DeserializeOwned;
 
 use crate::{
-    clip_json::syntax_error,
+    clip_json::{syntax_error, without_mark},
     error::{FormatError, Result},
     pose::Pose,
     read::read_file,
@@ -19,15 +19,18 @@ pub(super) const MAX_TEXT_BYTES: u64 = 1 << 30;
 const UNIT_TOLERANCE: f64 = 1e-2;
 /// Largest number of files of a folder that are looked at.
 const MAX_FILES: usize = 1_000_000;
+/// Endings of images.
+pub(super) const IMAGE_ENDINGS: [&str; 3] = [".png", ".jpg", ".jpeg"];
 
 /// The value of a JSON file.
 ///
 /// # Errors
 /// A file that is missing or too large; keys that are missing and values of other types, by their path.
 pub(super) fn read_json<T: DeserializeOwned>(file: &Path) -> Result<T> {
-    let text = read_file(file, MAX_TEXT_BYTES)?;
-    let mut deserializer = serde_json::Deserializer::from_slice(&text);
-    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|e| syntax_error(file, &text, &e))?;
+    let bytes = read_file(file, MAX_TEXT_BYTES)?;
+    let text = without_mark(&bytes);
+    let mut deserializer = serde_json::Deserializer::from_slice(text);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|e| syntax_error(file, text, &e))?;
     deserializer.end().map_err(|e| FormatError::syntax(file, "end of file", e.to_string()))?;
     Ok(value)
 }
@@ -38,8 +41,8 @@ pub(super) fn read_json<T: DeserializeOwned>(file: &Path) -> Result<T> {
 /// A file that is missing, too large or no UTF-8.
 pub(super) fn read_text(file: &Path) -> Result<String> {
     let bytes = read_file(file, MAX_TEXT_BYTES)?;
-    String::from_utf8(bytes)
-        .map_err(|e| FormatError::invalid(file, "encoding", "UTF-8 text", e.utf8_error().to_string()))
+    let text = std::str::from_utf8(without_mark(&bytes));
+    text.map(str::to_owned).map_err(|e| FormatError::invalid(file, "encoding", "UTF-8 text", e.to_string()))
 }
 
 /// Where a value stands: what an error about it names.
@@ -86,7 +89,8 @@ pub(super) fn yaw(angle: f64) -> DMat3 {
     DMat3::from_rotation_z(angle)
 }
 
-/// Names of the entries of a folder that end in one of `endings`, sorted; an empty ending takes all.
+/// Names of the entries of a folder that end in one of `endings`, in small or capital letters, sorted; an empty ending takes all.
+/// Hidden files are none.
 ///
 /// # Errors
 /// A folder that cannot be read.
@@ -95,12 +99,27 @@ pub(super) fn entries(folder: &Path, endings: &[&str]) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in listing.take(MAX_FILES) {
         let entry = entry.map_err(|e| FormatError::io(folder, "read", e))?;
-        if let Some(name) = entry.file_name().to_str().filter(|name| endings.iter().any(|end| name.ends_with(end))) {
+        let wanted = |name: &&str| !name.starts_with('.') && endings.iter().any(|end| stem(name, end).is_some());
+        if let Some(name) = entry.file_name().to_str().filter(wanted) {
             names.push(name.to_owned());
         }
     }
     names.sort_unstable();
     Ok(names)
+}
+
+/// The name without its ending, when it has that one, in small or capital letters.
+fn stem<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
+    let (stem, found) = name.split_at_checked(name.len().checked_sub(ending.len())?)?;
+    found.eq_ignore_ascii_case(ending).then_some(stem)
+}
+
+/// Names of the folders in a folder, sorted.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub(super) fn folders(folder: &Path) -> Result<Vec<String>> {
+    Ok(entries(folder, &[""])?.into_iter().filter(|name| folder.join(name).is_dir()).collect())
 }
 
 /// A file whose name is a number.
@@ -116,7 +135,7 @@ pub(super) struct Numbered {
 /// A folder that cannot be read.
 pub(super) fn numbered(folder: &Path, endings: &[&str]) -> Result<Vec<Numbered>> {
     let of_name = |name: String| {
-        let number = endings.iter().find_map(|end| name.strip_suffix(end)).and_then(|stem| stem.parse().ok())?;
+        let number = endings.iter().find_map(|end| stem(&name, end)).and_then(|stem| stem.parse().ok())?;
         Some(Numbered { number, name })
     };
     let mut files: Vec<Numbered> = entries(folder, endings)?.into_iter().filter_map(of_name).collect();

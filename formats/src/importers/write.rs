@@ -36,9 +36,14 @@ pub fn write_with(source: &ClipDir, out: &Path, additions: &Additions) -> Result
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let taken = fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) || out.is_file();
-    if taken || out.file_name().is_none() {
-        return Err(FormatError::invalid(out, "--out", "a new or an empty folder", "one that holds something"));
+    let holds_something = fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+    let found = match fs::symlink_metadata(out) {
+        Ok(metadata) if metadata.is_symlink() => Some("a link"),
+        Ok(metadata) if !metadata.is_dir() => Some("a file"),
+        _ => (holds_something || out.file_name().is_none()).then_some("one that holds something"),
+    };
+    if let Some(found) = found {
+        return Err(FormatError::invalid(out, "--out", "a new or an empty folder", found));
     }
     fs::create_dir_all(parent).map_err(|e| FormatError::io(parent, "create", e))?;
     let mut builder = tempfile::Builder::new();

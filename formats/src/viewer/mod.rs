@@ -20,12 +20,16 @@ const PAGE: &str = include_str!("../../viewer/page.html");
 const LICENSES: &str = include_str!("../../viewer/LICENSES.md");
 const CODE: &[u8] = include_bytes!("../../viewer/viewer.js.gz");
 
-/// The page that shows `cloud`, with `stops` to stand at; without any, one that sees the whole scene from above.
+/// The page that shows `cloud`, with `stops` to stand at; without any, one at the origin that looks forward and one above the scene.
 pub fn html(cloud: &SplatCloud, stops: &[Stop], title: &str) -> String {
-    let overview = [Stop::overview(cloud)];
-    let stops = if stops.is_empty() { &overview } else { stops };
-    let first = stops.iter().map(|stop| stop.time).fold(f64::INFINITY, f64::min);
-    let last = stops.iter().map(|stop| stop.time).fold(f64::NEG_INFINITY, f64::max);
+    let own = [Stop::forward(cloud), Stop::overview(cloud)];
+    let times: Vec<f64> = match stops {
+        [] => cloud.times.iter().copied().filter(|time| time.is_finite()).map(f64::from).chain([own[0].time]).collect(),
+        _ => stops.iter().map(|stop| stop.time).collect(),
+    };
+    let stops = if stops.is_empty() { &own } else { stops };
+    let first = times.iter().copied().fold(f64::INFINITY, f64::min);
+    let last = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let cameras = serde_json::json!({ "title": title, "stops": stops, "span": [first, last] });
     let fills = [
         ("{{TITLE}}", escaped(title)),

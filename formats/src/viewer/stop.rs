@@ -25,7 +25,26 @@ pub struct Stop {
     pub scene_from_camera: [f64; 16],
 }
 
+/// The first moment of a cloud, seconds.
+fn first_moment(cloud: &SplatCloud) -> f64 {
+    cloud.times.iter().copied().filter(|t| t.is_finite()).reduce(f32::min).map_or(0.0, f64::from)
+}
+
 impl Stop {
+    /// A camera at the origin, where the first sweep of our scenes was taken, that looks along x, z up.
+    pub fn forward(cloud: &SplatCloud) -> Self {
+        #[rustfmt::skip]
+        let scene_from_camera = [
+            0.0,  0.0, 1.0, 0.0,
+           -1.0,  0.0, 0.0, 0.0,
+            0.0, -1.0, 0.0, 0.0,
+            0.0,  0.0, 0.0, 1.0,
+        ];
+        let (name, width, height) = ("forward".to_owned(), 1280, 720);
+        let time = first_moment(cloud);
+        Self { name, time, width, height, fx: 720.0, fy: 720.0, cx: 640.0, cy: 360.0, scene_from_camera }
+    }
+
     /// A camera above the scene that looks down on its middle half.
     pub fn overview(cloud: &SplatCloud) -> Self {
         let middle = |k: usize, share: usize| {
@@ -42,7 +61,7 @@ impl Stop {
             0.0,  0.0, -1.0, z + extent,
             0.0,  0.0,  0.0, 1.0,
         ];
-        let time = cloud.times.iter().copied().filter(|t| t.is_finite()).reduce(f32::min).map_or(0.0, f64::from);
+        let time = first_moment(cloud);
         let (name, width, height) = ("overview".to_owned(), 1280, 720);
         Self { name, time, width, height, fx: 720.0, fy: 720.0, cx: 640.0, cy: 360.0, scene_from_camera }
     }

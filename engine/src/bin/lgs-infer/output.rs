@@ -16,7 +16,7 @@ use lgs_formats::{
     digest::sha256,
     exports::{write_sequence, write_spz, write_stg},
     ply::{write_plain_ply, write_ply},
-    write::write_atomic,
+    write::{check_writable, write_atomic},
 };
 
 /// Widest picture in the report, pixels, as long as there are few.
@@ -83,13 +83,14 @@ pub(crate) fn safe_name(name: &str) -> String {
     format!("{cleaned}-{}", &digest[..8])
 }
 
-/// The output directory, once it is known that it is one or can become one. Nothing is made yet.
+/// The output directory, once it is known that it is one or can become one and takes files. Nothing is made yet.
 pub(crate) fn output_dir(asked: Option<&Path>, clip_name: &str) -> Result<PathBuf> {
     let out = asked.map_or_else(|| Path::new("out").join(safe_name(clip_name)), Path::to_owned);
     let existing = out.ancestors().find(|path| !path.as_os_str().is_empty() && path.exists());
     if let Some(other) = existing.filter(|path| !path.is_dir()) {
         bail!("--out: expected a directory, found another kind of file at {}", other.display());
     }
+    check_writable(existing.unwrap_or_else(|| Path::new("."))).context("--out")?;
     Ok(out)
 }
 

@@ -19,6 +19,8 @@ pub(crate) enum Command {
     Import(Import),
     /// Say what is in a clip directory or a folder of a known layout; exit code 1 when something looks wrong
     Inspect(Inspect),
+    /// Write a page that shows a scene in any browser
+    View(View),
 }
 
 #[derive(Clone, Debug, PartialEq, clap::Args)]
@@ -95,6 +97,17 @@ pub(crate) struct Inspect {
     pub(crate) contact_sheet: Option<PathBuf>,
 }
 
+#[derive(Clone, Debug, PartialEq, clap::Args)]
+pub(crate) struct View {
+    /// Scene of `lgs-infer`, or of another program that writes the properties of 3D Gaussian Splatting
+    #[arg(value_name = "SCENE.ply")]
+    pub(crate) scene: PathBuf,
+
+    /// Page to write [default: the scene's name with `.html`]
+    #[arg(long, value_name = "FILE.html")]
+    pub(crate) out: Option<PathBuf>,
+}
+
 /// A foreign layout by its word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LayoutArg {
@@ -144,6 +157,7 @@ mod tests {
         assert_eq!((import.layout, import.frames), (LayoutArg::Av2, Some(FrameList(vec![3, 5, 6, 7]))));
         assert_eq!((import.cameras, import.scene), (Some(vec!["a".to_owned(), "b".to_owned()]), None));
         assert!(matches!(parse("inspect d --json"), Ok(Command::Inspect(Inspect { json: true, .. }))));
+        assert!(matches!(parse("view a.ply"), Ok(Command::View(View { out: None, .. }))));
     }
 
     #[test]
@@ -158,6 +172,8 @@ mod tests {
             "import dgp x --out y --frames 0..99999999999",
             "inspect",
             "inspect a b",
+            "view",
+            "view a.ply b.html",
             "other",
         ] {
             assert!(parse(line).is_err(), "{line}");

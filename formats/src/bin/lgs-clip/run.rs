@@ -1,16 +1,19 @@
 //! What the commands do.
 
-use std::path::Path;
+use std::{ffi::OsStr, path::Path};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use lgs_formats::{
     clip_dir::ClipDir,
     importers::{self, Additions, DepthFolder, Selection},
+    ply::read_ply,
     program::Outcome,
+    viewer,
+    write::write_atomic,
 };
 
 use crate::{
-    args::{Args, Command, Import, Inspect},
+    args::{Args, Command, Import, Inspect, View},
     inspect::{self, contact_sheet},
 };
 
@@ -19,6 +22,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match &args.command {
         Command::Import(args) => import(args),
         Command::Inspect(args) => look(args),
+        Command::View(args) => view(args),
     }
 }
 
@@ -32,10 +36,14 @@ fn import(args: &Import) -> Result<Outcome> {
     let depth = args.depth.as_ref().zip(args.depth_kind);
     let depth = depth.map(|(folder, arg)| DepthFolder { folder: folder.clone(), kind: arg.kind() });
     importers::write_with(&source, &args.out, &Additions { masks: args.masks.clone(), depth })?;
-    Ok(summary(&source, &args.out).into())
+    let has_images = source.clip().frames.iter().any(|frame| !frame.cameras.is_empty());
+    let no_images = "no images: the folder has none that belong to these sweeps, so that lgs-infer can colour nothing";
+    let notes = if has_images { Vec::new() } else { vec![no_images.to_owned()] };
+    Ok(Outcome { text: summary(&source, &args.out, has_images), notes, has_findings: false })
 }
 
-fn summary(source: &ClipDir, out: &Path) -> String {
+fn summary(source: &ClipDir, out: &Path, has_images: bool) -> String {
+    let sheet = if has_images { " --contact-sheet sheet.png" } else { "" };
     let clip = source.clip();
     let num_images: usize = clip.frames.iter().map(|frame| frame.cameras.len()).sum();
     let num_boxes: usize = clip.frames.iter().filter_map(|frame| frame.boxes.as_ref()).map(Vec::len).sum();
@@ -48,7 +56,7 @@ fn summary(source: &ClipDir, out: &Path) -> String {
         "  written to",
         out.display(),
         "  to look at it",
-        format_args!("lgs-clip inspect {} --contact-sheet sheet.png", out.display()),
+        format_args!("lgs-clip inspect {}{sheet}", out.display()),
     )
 }
 
@@ -67,4 +75,15 @@ fn look(args: &Inspect) -> Result<Outcome> {
         text
     };
     Ok(Outcome { text, notes: Vec::new(), has_findings })
+}
+
+fn view(args: &View) -> Result<Outcome> {
+    let scene = read_ply(&args.scene)?;
+    let out = args.out.clone().unwrap_or_else(|| args.scene.with_extension("html"));
+    if out == args.scene {
+        bail!("--out: expected another file than the scene, found {}", out.display());
+    }
+    let title = args.scene.file_stem().map_or_else(|| "scene".into(), OsStr::to_string_lossy);
+    write_atomic(&out, viewer::html(&scene, &[], &title).as_bytes())?;
+    Ok(format!("{}: {} Gaussians, to open in a browser", out.display(), scene.means.len()).into())
 }

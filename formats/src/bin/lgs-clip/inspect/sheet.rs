@@ -12,6 +12,8 @@ use super::project::{Projected, camera_from_lidar, project};
 
 /// Width of one image of the sheet, pixels.
 const TILE_WIDTH: usize = 640;
+/// Most that an image of the sheet is high, pixels: a higher one is narrower than the others.
+const TILE_HEIGHT: usize = 2 * TILE_WIDTH;
 /// Black between the images, pixels.
 const GAP: usize = 4;
 /// Most frames of a sheet: more are spread evenly.
@@ -19,13 +21,13 @@ const MAX_FRAMES: usize = 4;
 /// Depths of the first and the last colour, metres.
 const DEPTHS: [f64; 2] = [2.0, 80.0];
 
-/// Writes the sheet and returns what its rows and columns are.
+/// Writes the sheet of a clip that has images and returns what its rows and columns are.
 pub(crate) fn contact_sheet(dir: &ClipDir, file: &Path) -> Result<String> {
     let clip = dir.clip();
     let with_images: Vec<usize> = (0..clip.frames.len()).filter(|&f| !clip.frames[f].cameras.is_empty()).collect();
     let num_rows = with_images.len().min(MAX_FRAMES);
     if num_rows == 0 {
-        anyhow::bail!("--contact-sheet: {}: expected images, found none", dir.root().display());
+        return Ok("not written: there are no images".to_owned());
     }
     let chosen: Vec<usize> =
         (0..num_rows).map(|row| with_images[row * (with_images.len() - 1) / (num_rows - 1).max(1)]).collect();
@@ -52,8 +54,7 @@ fn row(dir: &ClipDir, frame: usize, names: &[&str]) -> Result<Vec<Option<RgbImag
             continue;
         };
         let declared = &record.cameras[index].camera;
-        let (width, height) = (declared.width as usize, declared.height as usize);
-        let size = ImageSize { height: (height * TILE_WIDTH).div_ceil(width), width: TILE_WIDTH };
+        let size = tile(declared.width as usize, declared.height as usize);
         let loaded = dir.load_image(frame, index, Some(size))?;
         let pose = camera_from_lidar(&loaded.camera, &record.lidar.world_from_lidar);
         let mut seen: Vec<Projected> =
@@ -65,6 +66,15 @@ fn row(dir: &ClipDir, frame: usize, names: &[&str]) -> Result<Vec<Option<RgbImag
         tiles.push(Some(tile));
     }
     Ok(tiles)
+}
+
+/// The size of an image on the sheet.
+fn tile(width: usize, height: usize) -> ImageSize {
+    let scaled = (height * TILE_WIDTH).div_ceil(width);
+    if scaled <= TILE_HEIGHT {
+        return ImageSize { height: scaled, width: TILE_WIDTH };
+    }
+    ImageSize { height: TILE_HEIGHT, width: (width * TILE_HEIGHT).div_ceil(height) }
 }
 
 /// Draws a return as two by two pixels.
@@ -114,6 +124,15 @@ fn stacked(rows: &[Vec<Option<RgbImage>>], columns: usize) -> RgbImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_image_fits_on_the_sheet() {
+        let sides = |width, height| (tile(width, height).width, tile(width, height).height);
+        assert_eq!(
+            [sides(1936, 1216), sides(100, 200), sides(1, 16384), sides(16384, 1)],
+            [(640, 402), (640, 1280), (1, 1280), (640, 1)]
+        );
+    }
 
     #[test]
     fn colours_run_from_red_to_blue() {
