@@ -113,7 +113,7 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
         if let Some(residual) = residual {
             residuals.add(&state, &backward_visible(&splats, &view.pinhole, &state, &residual), 1.0);
             let maps = [counted_pixels(view), absolute(&residual.rgb)];
-            for (i, [weight, error, ..]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
+            for (i, [weight, error]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
                 blended[i][0] += weight;
                 blended[i][1] += error;
             }

@@ -2,6 +2,7 @@
 
 pub mod adam;
 mod lengths;
+mod summary;
 mod turns;
 
 use std::{borrow::Cow, time::Instant};
@@ -21,68 +22,8 @@ use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
 pub use lengths::{lengthen, step_lengths};
+pub use summary::{RefineSeconds, RefineSettings, RefineSummary};
 pub use turns::Turns;
-
-/// How far a refinement goes, and what its steps look at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RefineSettings {
-    /// Steps.
-    pub steps: usize,
-    /// Views that a step looks at.
-    pub turns: Turns,
-    /// How many times smaller in width and height the images are that it looks at.
-    pub reduce: usize,
-    /// No step begins, after the first, that would probably end later than this; `None` for no limit.
-    pub until: Option<Instant>,
-}
-
-impl From<usize> for RefineSettings {
-    /// So many steps over all of the views.
-    fn from(steps: usize) -> Self {
-        Self { steps, turns: Turns::default(), reduce: 1, until: None }
-    }
-}
-
-/// What a refinement did, and what it left out because the scene did not need it.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct RefineSummary {
-    /// Loss over the input views before each step that was begun, and after the last one when it was measured.
-    pub losses: Vec<f64>,
-    /// Steps whose result was kept.
-    pub steps: usize,
-    /// Whether the refinement ended because a step did not help: it changed nothing, or was taken back as the loss had not fallen.
-    pub stopped_early: bool,
-    /// Gaussians that no input view shows and that were left as they are, in the last step.
-    pub unseen: usize,
-    /// Steps that used the voxel pyramid of the step before, because no primitive had left its voxel.
-    pub pyramids_kept: usize,
-    /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
-    pub non_finite_gradients: usize,
-    /// Gaussians that an output of the network would have given a value that is not finite, or carried off the voxel grid, and that were left as
-    /// they were, over all steps.
-    pub non_finite_outputs: usize,
-    /// What it took; no result, so not part of what is written of one.
-    #[serde(skip)]
-    pub seconds: RefineSeconds,
-}
-
-impl RefineSummary {
-    /// Seconds of drawing the views of a step and of its loss, the mean; `None` where nothing was drawn.
-    pub fn drawing_s(&self) -> Option<f64> {
-        (!self.losses.is_empty()).then(|| (self.seconds.render + self.seconds.loss) / self.losses.len() as f64)
-    }
-}
-
-/// Seconds of a refinement by kind of work.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RefineSeconds {
-    /// Drawing the input views, and its gradient.
-    pub render: f64,
-    /// The loss of the drawn views, and its gradient.
-    pub loss: f64,
-    /// The network.
-    pub network: f64,
-}
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
 #[derive(Debug, Default)]

@@ -73,7 +73,7 @@ impl Drawn {
 fn add_blended(original: &RenderedWithState, changes: &[Vec<f32>], drawn: &[Drawn], sums: &mut [RoundFootprints]) {
     for (drawn, changes) in drawn.chunks(MAPS / 2).zip(changes.chunks(MAPS)) {
         let maps: Vec<&[f32]> = changes.iter().map(Vec::as_slice).collect();
-        let blended = blended_sums(original, &maps);
+        let blended = blended_sums::<MAPS>(original, &maps);
         for (i, of_visible) in original.visible().zip(&blended) {
             for (drawn, [prune, add]) in drawn.iter().zip(of_visible.as_chunks().0) {
                 if let Some(&place) = drawn.place_of.get(i).filter(|&&place| place != ABSENT) {

@@ -29,7 +29,7 @@ pub fn step_lengths(before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -
     for (before, view) in before.iter().zip(views) {
         let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
         let maps = agreement(before, &state.images.rgb, view);
-        for (i, [agree, change, ..]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
+        for (i, [agree, change]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
             sums[i][0] += agree;
             sums[i][1] += change;
         }

@@ -9,23 +9,23 @@ use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
 use super::tiles::TileLists;
 
-/// Maps that one pass over the tiles takes.
+/// Most maps that one pass over the tiles takes.
 pub const MAPS: usize = 6;
-type Sums = [f32; MAPS];
 
-/// Sums of up to [`MAPS`] maps under the weights with which each visible Gaussian was blended.
+/// Sums of up to M of [`MAPS`] maps under the weights with which each visible Gaussian was blended.
 ///
 /// # Shapes
-/// `maps` of `[H, W]`; result `[num_visible, MAPS]`, in the order of [`RenderedWithState::visible`], 0 beyond the maps.
+/// `maps` of `[H, W]`; result `[num_visible, M]`, in the order of [`RenderedWithState::visible`], 0 beyond the maps.
 ///
 /// # Formula
 /// `sum_p w_i(p) m(p)`, `w_i = alpha_i T_i` as [`render`](super::render) blends: per tile in f32, over the tiles in f64.
-pub fn blended_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; MAPS]> {
+pub fn blended_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; M]> {
+    const { assert!(M <= MAPS, "the planes of a tile hold that many maps") };
     let lists = &state.lists;
-    let by_entry = entry_sums(state, maps);
+    let by_entry = entry_sums::<M>(state, maps);
     let of_visible = |visible: usize| {
         let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
-        let mut sums = [0.0; MAPS];
+        let mut sums = [0.0; M];
         for &slot in slots {
             sums.iter_mut().zip(&by_entry[slot as usize]).for_each(|(sum, &part)| *sum += f64::from(part));
         }
@@ -35,9 +35,9 @@ pub fn blended_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; MAP
 }
 
 /// Sums of every intersection of a Gaussian and a tile, in the order of the lists.
-fn entry_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<Sums> {
+fn entry_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f32; M]> {
     let lists = &state.lists;
-    let mut all = vec![[0.0_f32; MAPS]; lists.entries.len()];
+    let mut all = vec![[0.0_f32; M]; lists.entries.len()];
     let mut rest = all.as_mut_slice();
     let mut per_tile = Vec::with_capacity(lists.grid.num_tiles());
     for pair in lists.first_entry.windows(2) {
@@ -48,9 +48,10 @@ fn entry_sums(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<Sums> {
     let arch = pulp::Arch::new();
     per_tile.into_par_iter().enumerate().filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
         let mut planes = [0.0_f32; (MAPS + 1) * TILE_PIXELS];
-        load(&mut planes, state, maps, lists.grid.origin(tile));
+        let planes = &mut planes[..(M + 1) * TILE_PIXELS];
+        load(planes, state, maps, lists.grid.origin(tile));
         let stops = state.stops_of(tile);
-        arch.dispatch(TileSums { lists, tile, stops, planes: &mut planes, out });
+        arch.dispatch(TileSums { lists, tile, stops, planes, out });
     });
     all
 }
@@ -65,19 +66,20 @@ fn load(planes: &mut [f32], state: &RenderedWithState, maps: &[&[f32]], origin: 
             plane[y * TILE_WIDTH..][..len].copy_from_slice(&map[from..from + len]);
         }
     }
-    planes[MAPS * TILE_PIXELS..].fill(1.0);
+    let last = planes.len() - TILE_PIXELS;
+    planes[last..].fill(1.0);
 }
 
-struct TileSums<'a> {
+struct TileSums<'a, const M: usize> {
     lists: &'a TileLists,
     tile: usize,
     /// List position that ended each pixel.
     stops: &'a [f32],
     planes: &'a mut [f32],
-    out: &'a mut [Sums],
+    out: &'a mut [[f32; M]],
 }
 
-impl WithSimd for TileSums<'_> {
+impl<const M: usize> WithSimd for TileSums<'_, M> {
     type Output = ();
 
     #[inline(always)]
@@ -100,20 +102,20 @@ impl WithSimd for TileSums<'_> {
 
 /// The sums of one Gaussian over the tile; moves the transmittance behind it.
 #[inline(always)]
-fn gather<S: Simd>(
+fn gather<S: Simd, const M: usize>(
     simd: S,
     broadcast: &Broadcast<S>,
     (planes, stops): (&mut [S::f32s], &[S::f32s]),
     f: &Footprint,
     origin: &[usize; 2],
     position: f32,
-) -> Sums {
+) -> [f32; M] {
     let per_plane = TILE_PIXELS / S::F32_LANES;
     let per_row = TILE_WIDTH / S::F32_LANES;
-    let (maps, transmittance) = planes.split_at_mut(MAPS * per_plane);
+    let (maps, transmittance) = planes.split_at_mut(M * per_plane);
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
     let position = simd.splat_f32s(position);
-    let mut sums = [zero; MAPS];
+    let mut sums = [zero; M];
     for row in f.rows_in(origin[1]) {
         let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
         for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
@@ -128,7 +130,7 @@ fn gather<S: Simd>(
             }
         }
     }
-    let mut out = [0.0; MAPS];
+    let mut out = [0.0; M];
     for (out, sum) in out.iter_mut().zip(sums) {
         *out = simd.reduce_sum_f32s(sum);
     }
@@ -167,7 +169,7 @@ mod tests {
         let state = render_for_gradient(&splats, &view, [0.0; 3]);
         let maps: Vec<Vec<f32>> = (0..5).map(|m| (0..50 * 37).map(|p| at(p, m as f32)).collect()).collect();
         let refs: Vec<&[f32]> = maps.iter().map(Vec::as_slice).collect();
-        let got = blended_sums(&state, &refs);
+        let got = blended_sums::<MAPS>(&state, &refs);
         assert_eq!(got.len(), state.visible().count());
         for group in 0..2 {
             let of = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);

@@ -145,7 +145,7 @@ fn visible_px(problem: &Problem<'_>, chosen: &[usize]) -> Vec<f64> {
     let mut sums = vec![0.0; splats.len()];
     for view in problem.views {
         let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
-        let blended = blended_sums(&state, &[&vec![1.0; view.pinhole.num_pixels()]]);
+        let blended = blended_sums::<1>(&state, &[&vec![1.0; view.pinhole.num_pixels()]]);
         state.visible().zip(blended).for_each(|(i, blended)| sums[i] += blended[0]);
     }
     chosen.iter().map(|&i| sums[i]).collect()
