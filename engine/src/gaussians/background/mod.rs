@@ -48,7 +48,7 @@ pub enum Mode {
     /// Where the clip's depth maps say it is, each brought to metres by the sweep; `depth` for images without one that fits.
     ///
     /// Held-out PSNR over five procedural scenes (one camera, 128x256, every second of five frames) with exact maps, with maps as a network
-    /// gives them (off by up to a tenth in patches), and by search: 32.16, 31.82 and 31.70 dB with the weights that ship, 26.21, 26.13 and
+    /// gives them (off by up to a tenth in patches), and by search: 32.97, 32.60 and 32.44 dB with the weights that ship, 26.21, 26.13 and
     /// 26.15 dB without a network, where the width of the Gaussians hides the difference; in about half the time.
     Maps,
 }
