@@ -31,7 +31,7 @@ pub fn by_budget(scores: &Scores, thresholds: Thresholds, budget: usize) -> Resu
 }
 
 /// The place of an index in an order of which every beginning lies evenly among the indices (multiples of the golden ratio, modulo 1).
-const fn spread(index: usize) -> u64 {
+pub(super) const fn spread(index: usize) -> u64 {
     (index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use rand_chacha::rand_core::Rng;
 
+use super::budget::spread;
 use super::random::generator;
 use super::{Action, COPY_NOISE, Scores, Thresholds, apply, at_random, by_budget, by_thresholds, count, origins};
 use crate::gaussians::GaussianSet;
@@ -27,7 +28,7 @@ proptest! {
         let free = by_thresholds(&scores, thresholds).unwrap();
         let held = by_budget(&scores, thresholds, budget).unwrap();
         let is = |actions: &[Action], wanted: Action| (0..rows.len()).filter(|&i| actions[i] == wanted).collect::<Vec<_>>();
-        let rank = |scores: &[f32], i: usize| (scores[i], std::cmp::Reverse(i));
+        let rank = |scores: &[f32], i: usize| (scores[i], std::cmp::Reverse(spread(i)));
         let stayed = (0..rows.len()).filter(|&i| held[i] != Action::Prune);
         let worst_stayed = stayed.map(|i| rank(&scores.prune, i)).max_by(|a, b| a.partial_cmp(b).unwrap());
         for i in is(&held, Action::Prune) {
