@@ -120,7 +120,7 @@ pub fn refine_and_show(
         if model.config.step_length == StepLength::Local {
             let start = Instant::now();
             lengthen(set, &before, &step_lengths(&current.images, set, &chosen));
-            summary.seconds.render += start.elapsed().as_secs_f64();
+            summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
         if judged {
             let next = if index + 1 < steps { wanted } else { Wanted::default() };

@@ -2,7 +2,10 @@
 
 use std::num::NonZeroUsize;
 
-use lgs_engine::{densify::Density, gaussians::background::Mode};
+use lgs_engine::{
+    densify::{Density, Limit},
+    gaussians::background::Mode,
+};
 
 use super::setting::{Network, Refine, Setting, Switch, THETA, Weights};
 
@@ -20,7 +23,7 @@ pub struct Axes {
     /// Scores above which the policy acts.
     pub theta: Vec<f32>,
     /// Budgets of the set update; `None` for none.
-    pub max_gaussians: Vec<Option<usize>>,
+    pub max_gaussians: Vec<Option<Limit>>,
     /// Numbers of steps of per-scene optimisation from the initial Gaussians.
     pub adam: Vec<usize>,
     /// Numbers of steps of per-scene optimisation after the learned refinement.
@@ -137,7 +140,7 @@ mod tests {
             query: vec![Switch::On, Switch::Off],
             density: vec![Density::Policy, Density::Off],
             theta: vec![0.5, 0.7],
-            max_gaussians: vec![None, Some(100)],
+            max_gaussians: vec![None, Some(Limit::Count(100))],
             adam: vec![30, 10, 10],
             then_adam: vec![0],
             refine_views: vec![None],

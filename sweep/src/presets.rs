@@ -1,6 +1,6 @@
 //! What `lgs-infer` knows about speed and accuracy: the page that the repository keeps as `models/presets.json`.
 
-use lgs_engine::densify::Density;
+use lgs_engine::densify::{Density, Limit};
 use lgs_engine::plan::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Recipe, Record, RecordedClip};
 
 use super::{
@@ -19,7 +19,9 @@ impl Setting {
     /// What `lgs-infer` calls a recipe; `None` for what a recipe does not say.
     pub fn recipe(&self) -> Option<Recipe> {
         let network = self.network.as_ref();
-        if network.is_some_and(|network| network.theta != THETA || network.max_gaussians.is_some()) {
+        if network
+            .is_some_and(|network| network.theta != THETA || matches!(network.max_gaussians, Some(Limit::Count(_))))
+        {
             return None;
         }
         Some(Recipe {
@@ -27,6 +29,7 @@ impl Setting {
             network: network.is_some(),
             query: network.is_some_and(|network| network.query == Switch::On),
             density: network.map_or(Density::Off, |network| network.density),
+            max_gaussians: network.and_then(|network| network.max_gaussians),
             refine_steps: self.refine.learned,
             adam_steps: self.refine.adam,
             refine_views: self.refine.views,

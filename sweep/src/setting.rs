@@ -3,7 +3,10 @@
 use std::num::NonZeroUsize;
 
 use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode};
+use lgs_engine::{
+    densify::{Density, Limit},
+    gaussians::background::Mode,
+};
 use serde::{Deserialize, Serialize};
 
 use super::error::{Result, SweepError};
@@ -44,7 +47,7 @@ pub struct Network {
     /// Score above which a primitive is pruned or copied.
     pub theta: f32,
     /// Largest number of `LiDAR` Gaussians after the set update.
-    pub max_gaussians: Option<usize>,
+    pub max_gaussians: Option<Limit>,
 }
 
 /// How a scene is refined.

@@ -9,6 +9,7 @@
 
 mod apply;
 mod budget;
+mod limit;
 mod random;
 mod scores;
 #[cfg(test)]
@@ -16,6 +17,7 @@ mod tests;
 
 pub use apply::{COPY_NOISE, apply, origins};
 pub use budget::by_budget;
+pub use limit::Limit;
 pub use random::at_random;
 pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};
 

@@ -1,31 +1,21 @@
 use super::*;
-use crate::views::{DepthSample, PinholeView, Role};
+use crate::views::{
+    DepthSample, Role,
+    samples::{ahead, seen},
+};
 
 const WIDTH: usize = 16;
 const HEIGHT: usize = 14;
 const PIXELS: usize = WIDTH * HEIGHT;
 
 fn view(labels: Option<Vec<PixelLabel>>) -> View {
-    let pinhole = PinholeView {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: 10.0,
-        fy: 10.0,
-        cx: 8.0,
-        cy: 7.0,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time: 0.0,
-    };
     let data = (0..PIXELS * 3).map(|i| 0.5 + 0.4 * (i as f32 * 0.3).sin()).collect();
     View {
         frame: 4,
-        camera: "front".into(),
         role: Role::HeldOut,
-        pinhole,
-        image: RgbImage { width: WIDTH, height: HEIGHT, data },
         labels,
-        depth_map: None,
         depth_samples: vec![DepthSample { pixel: 0, depth: 3.0 }, DepthSample { pixel: 20, depth: 9.0 }],
+        ..seen(ahead(WIDTH, HEIGHT, 10.0), data)
     }
 }
 

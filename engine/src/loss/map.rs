@@ -201,13 +201,14 @@ impl Around {
 
 #[cfg(test)]
 mod tests {
-    use lgs_formats::image::RgbImage;
-
     use super::*;
     use crate::gaussians::physical::Splat;
     use crate::loss::image_loss;
     use crate::render::{Redraw, render, render_for_gradient};
-    use crate::views::{DepthSample, PinholeView, Role};
+    use crate::views::{
+        DepthSample,
+        samples::{ahead, seen},
+    };
 
     const SIZE: [usize; 2] = [70, 45];
 
@@ -217,26 +218,11 @@ mod tests {
 
     fn view() -> View {
         let [width, height] = SIZE;
-        let pinhole = PinholeView {
-            width,
-            height,
-            fx: 60.0,
-            fy: 60.0,
-            cx: 35.0,
-            cy: 22.0,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        };
         let label = |i: usize| if i % 11 == 3 { PixelLabel::Ignored } else { PixelLabel::Static };
         View {
-            frame: 0,
-            camera: "c".into(),
-            role: Role::Input,
-            pinhole,
-            image: RgbImage { width, height, data: (0..3 * width * height).map(|i| at(i, 0.3)).collect() },
             labels: Some((0..width * height).map(label).collect()),
-            depth_map: None,
             depth_samples: (0..200).map(|k| DepthSample { pixel: 15 * k, depth: 4.0 + at(k as usize, 0.9) }).collect(),
+            ..seen(ahead(width, height, 60.0), (0..3 * width * height).map(|i| at(i, 0.3)).collect())
         }
     }
 

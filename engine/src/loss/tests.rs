@@ -1,7 +1,10 @@
 use lgs_formats::image::RgbImage;
 
 use super::*;
-use crate::views::{DepthSample, PinholeView, Role};
+use crate::views::{
+    DepthSample,
+    samples::{ahead, seen},
+};
 
 const WIDTH: usize = 15;
 const HEIGHT: usize = 13;
@@ -18,25 +21,10 @@ fn rendered() -> Rendered {
 }
 
 fn view(labels: Option<Vec<PixelLabel>>) -> View {
-    let pinhole = PinholeView {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: 10.0,
-        fy: 10.0,
-        cx: 7.5,
-        cy: 6.5,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time: 0.0,
-    };
     View {
-        frame: 0,
-        camera: "front".into(),
-        role: Role::Input,
-        pinhole,
-        image: RgbImage { width: WIDTH, height: HEIGHT, data: colours(0.0) },
         labels,
-        depth_map: None,
         depth_samples: vec![DepthSample { pixel: 3, depth: 9.0 }, DepthSample { pixel: 100, depth: 4.0 }],
+        ..seen(ahead(WIDTH, HEIGHT, 10.0), colours(0.0))
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{Stage, Watch};
-use crate::densify::{self, Density, DensityMap, Scores, Thresholds, UpdateCounts};
+use crate::densify::{self, Density, DensityMap, Limit, Scores, Thresholds, UpdateCounts};
 use crate::error::{EngineError, Result};
 use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
@@ -25,7 +25,7 @@ pub struct NetworkSettings<'a> {
     /// Scores above which a primitive is pruned or copied.
     pub thresholds: Thresholds,
     /// Largest number of primitives of the `LiDAR` branch after the set update.
-    pub max_gaussians: Option<usize>,
+    pub max_gaussians: Option<Limit>,
     /// Seed of the set update.
     pub seed: u64,
 }
@@ -125,7 +125,7 @@ fn update_set(
     settings: &NetworkSettings<'_>,
 ) -> Result<(UpdateCounts, Option<DensityMap>)> {
     let mut actions = match settings.max_gaussians {
-        Some(budget) => densify::by_budget(&scores, settings.thresholds, budget)?,
+        Some(limit) => densify::by_budget(&scores, settings.thresholds, limit.of(scores.prune.len()))?,
         None => densify::by_thresholds(&scores, settings.thresholds)?,
     };
     if settings.density == Density::Random {

@@ -177,6 +177,8 @@ pub struct OptimiseSettings {
     /// No step begins that would probably end later than this, but for the [`FEWEST_STEPS`], which run all or, where there is no time
     /// for them, not at all; `None` for no limit.
     pub until: Option<Instant>,
+    /// Seconds that the first step will probably take, where no learned one has told.
+    pub step_s: f64,
 }
 
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
@@ -189,13 +191,13 @@ pub fn optimise(
     settings: OptimiseSettings,
     watch: &mut Watch<'_>,
 ) -> Result<()> {
-    let OptimiseSettings { steps, adam, reduce, until } = settings;
+    let OptimiseSettings { steps, adam, reduce, until, step_s } = settings;
     let num_lidar = reconstruction.scene.num_lidar;
     check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None, Flags::default())?;
     let start = Instant::now();
     // A step draws the views once, as the learned refinement has.
     let refined = reconstruction.network.as_ref().map(|network| &network.refine);
-    let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(0.0);
+    let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(step_s);
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
         let full: Vec<&View> = inputs.views().iter().collect();

@@ -82,6 +82,7 @@ impl StageTimes {
             render: before.render + seconds.render,
             loss: before.loss + seconds.loss,
             network: before.network + seconds.network,
+            lengths: before.lengths + seconds.lengths,
         });
     }
 }
@@ -90,7 +91,11 @@ impl serde::Serialize for StageTimes {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let stages = Stage::ALL.map(|stage| (stage.key(), self.get(stage)));
         let parts = self.refine.map(|parts| {
-            [("refine_render", parts.render), ("refine_loss", parts.loss), ("refine_network", parts.network)]
+            [
+                ("refine_render", parts.render + parts.lengths),
+                ("refine_loss", parts.loss),
+                ("refine_network", parts.network),
+            ]
         });
         serializer.collect_map(stages.into_iter().chain(parts.into_iter().flatten()))
     }

@@ -31,6 +31,8 @@ pub struct Chosen {
     pub most_adam_steps: usize,
     /// Seconds that the recipe will probably take from here on.
     pub expected_s: f64,
+    /// Seconds that one of its steps of per-scene optimisation will probably take; 0 where nothing recorded tells.
+    pub adam_step_s: f64,
     /// Whether that fits: otherwise it is the quickest of all.
     pub fits: bool,
     /// Decibels that it probably gives up against the best recipe.
@@ -71,6 +73,7 @@ pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
         recipe: chosen.recipe,
         most_adam_steps: most.unwrap_or(chosen.recipe.adam_steps),
         expected_s: chosen.seconds,
+        adam_step_s: chosen.adam_step_s(&offers),
         fits: fitting.is_some(),
         gives_up_db: chosen.behind - best.behind,
         best_s: best.seconds,
@@ -86,6 +89,16 @@ struct Offer {
 }
 
 impl Offer {
+    /// By the nearest of `offers` that differ only in the number of these steps.
+    fn adam_step_s(&self, offers: &[Self]) -> f64 {
+        let adam_steps = self.recipe.adam_steps;
+        let away = |other: &&Self| other.recipe.adam_steps.abs_diff(adam_steps);
+        let alike =
+            offers.iter().filter(|other| Recipe { adam_steps, ..other.recipe } == self.recipe && away(other) > 0);
+        let nearest = alike.min_by_key(away);
+        nearest.map_or(0.0, |other| (other.seconds - self.seconds).abs() / away(&other) as f64)
+    }
+
     fn is_longer_and_better(&self, other: &Self) -> bool {
         let adam_steps = other.recipe.adam_steps;
         let alike = Recipe { adam_steps, ..self.recipe } == other.recipe;
@@ -171,6 +184,7 @@ mod tests {
         let chosen = of(0.71);
         assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 2, 10));
         assert!((chosen.expected_s - 0.7).abs() < 0.01 && (chosen.gives_up_db - 2.4).abs() < 0.01, "{chosen:?}");
+        assert!((chosen.adam_step_s - 0.2).abs() < 0.01 && of(0.55).adam_step_s > 0.19, "{chosen:?}");
         // What was recorded is better where it fits, and nothing lies beyond the last.
         assert_eq!((of(1.0).recipe.refine_steps, of(1.0).most_adam_steps), (3, 0));
         assert_eq!((of(9.0).recipe.adam_steps, of(9.0).most_adam_steps), (10, 10));

@@ -4,7 +4,10 @@ use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{densify::Density, gaussians::background::Mode};
+use crate::{
+    densify::{Density, Limit},
+    gaussians::background::Mode,
+};
 
 /// Which parts of the pipeline run, and how often.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,6 +21,9 @@ pub struct Recipe {
     pub query: bool,
     /// Who prunes and adds.
     pub density: Density,
+    /// Largest number of `LiDAR` Gaussians after that; `None` for no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_gaussians: Option<Limit>,
     /// Steps of the learned refinement; 0 without a network.
     pub refine_steps: usize,
     /// Steps of per-scene optimisation after them.
@@ -36,6 +42,7 @@ impl Default for Recipe {
             network: true,
             query: true,
             density: Density::Policy,
+            max_gaussians: None,
             refine_steps: 3,
             adam_steps: 0,
             refine_views: None,
@@ -56,6 +63,7 @@ impl Recipe {
         if self.network {
             flags.push(format!("--query {}", if self.query { "on" } else { "off" }));
             flags.push(format!("--density {}", word(&self.density)));
+            flags.extend(self.max_gaussians.map(|limit| format!("--max-gaussians {limit}")));
             flags.push(format!("--refine-steps {}", self.refine_steps));
         } else {
             flags.push("--weights none".to_owned());

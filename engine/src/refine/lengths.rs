@@ -80,14 +80,17 @@ pub fn lengthen(set: &mut GaussianSet, before: &GaussianSet, lengths: &[f32]) {
 
 #[cfg(test)]
 mod tests {
-    use lgs_formats::image::{PixelLabel, RgbImage};
+    use lgs_formats::image::PixelLabel;
 
     use super::{lengthen, step_lengths};
     use crate::gaussians::physical::{logit, to_physical};
     use crate::gaussians::{GaussianSet, LOGIT_COLOUR, MEAN};
     use crate::objective::BEHIND;
     use crate::render::render_for_gradient;
-    use crate::views::{PinholeView, Role, View};
+    use crate::views::{
+        PinholeView, View,
+        samples::{ahead, seen},
+    };
 
     const WIDTH: usize = 32;
 
@@ -108,26 +111,9 @@ mod tests {
 
     /// A view whose image is that of `truth`.
     fn view(truth: &GaussianSet) -> View {
-        let pinhole = PinholeView {
-            width: WIDTH,
-            height: WIDTH,
-            fx: 32.0,
-            fy: 32.0,
-            cx: 16.0,
-            cy: 16.0,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        };
-        View {
-            frame: 0,
-            camera: "front".into(),
-            role: Role::Input,
-            image: RgbImage { width: WIDTH, height: WIDTH, data: drawn(truth, &pinhole) },
-            pinhole,
-            labels: None,
-            depth_map: None,
-            depth_samples: Vec::new(),
-        }
+        let pinhole = ahead(WIDTH, WIDTH, 32.0);
+        let data = drawn(truth, &pinhole);
+        seen(pinhole, data)
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub struct RefineSummary {
 }
 
 impl RefineSummary {
-    /// Seconds of drawing the views of a step and of its loss, the mean; `None` where nothing was drawn.
+    /// Seconds of drawing the views for a step, its loss and gradient, the mean; `None` where nothing was drawn.
     pub fn drawing_s(&self) -> Option<f64> {
         (!self.losses.is_empty()).then(|| (self.seconds.render + self.seconds.loss) / self.losses.len() as f64)
     }
@@ -63,4 +63,6 @@ pub struct RefineSeconds {
     pub loss: f64,
     /// The network.
     pub network: f64,
+    /// Drawing the input views once more, for the lengths of the steps.
+    pub lengths: f64,
 }

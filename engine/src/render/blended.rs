@@ -142,21 +142,12 @@ mod tests {
     use super::*;
     use crate::gaussians::physical::Splat;
     use crate::render::{ImageGradient, backward, render_for_gradient};
-    use crate::views::PinholeView;
+    use crate::views::samples::ahead;
 
     /// The gradient by a colour is the sum of the image's gradient under the blending weights.
     #[test]
     fn sums_are_those_of_the_colour_gradient() {
-        let view = PinholeView {
-            width: 50,
-            height: 37,
-            fx: 40.0,
-            fy: 40.0,
-            cx: 25.0,
-            cy: 18.0,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        };
+        let view = ahead(50, 37, 40.0);
         let at = |i: usize, salt: f32| (i as f32 * 78.233 + salt).sin() * 43_758.547 % 1.0;
         let splat = |i: usize| Splat {
             mean: [2.0 * at(i, 0.1), 1.5 * at(i, 0.7), 3.0 + at(i, 1.3)],

@@ -87,18 +87,10 @@ impl Projection {
 mod tests {
     use super::*;
     use crate::render::render;
+    use crate::views::samples::ahead;
 
     fn view() -> PinholeView {
-        PinholeView {
-            width: 70,
-            height: 40,
-            fx: 60.0,
-            fy: 60.0,
-            cx: 35.0,
-            cy: 20.0,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.1,
-        }
+        PinholeView { time: 0.1, ..ahead(70, 40, 60.0) }
     }
 
     fn splats() -> Vec<Splat> {

@@ -112,18 +112,10 @@ fn refusal(view: &PinholeView, expected: String, found: &str) -> EngineError {
 mod tests {
     use super::*;
     use crate::render::render_for_gradient;
+    use crate::views::samples::ahead;
 
     fn view(width: usize, height: usize) -> PinholeView {
-        PinholeView {
-            width,
-            height,
-            fx: 60.0,
-            fy: 60.0,
-            cx: 0.5 * width as f32,
-            cy: 0.5 * height as f32,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        }
+        ahead(width, height, 60.0)
     }
 
     /// Gaussians all over the view, from a pixel to several tiles large.

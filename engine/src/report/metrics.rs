@@ -3,7 +3,7 @@
 use serde::{Serialize, Serializer};
 
 use crate::{
-    densify::Density,
+    densify::{Density, Limit},
     evaluate::ViewFigures,
     gaussians::{
         background::{MapFit, Mode},
@@ -106,7 +106,7 @@ pub struct Config {
     /// Score above which a primitive got a copy; `None` without a network.
     pub theta_add: Option<f32>,
     /// Largest number of `LiDAR` Gaussians; `None` for no limit.
-    pub max_gaussians: Option<usize>,
+    pub max_gaussians: Option<Limit>,
     /// Which views were rendered.
     pub views: String,
     /// Moment of every rendered view, seconds since time zero; `None` for each view's own.

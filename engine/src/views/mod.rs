@@ -5,6 +5,8 @@ mod load;
 mod path;
 mod pinhole;
 pub(crate) mod reduced;
+#[cfg(test)]
+pub(crate) mod samples;
 mod selection;
 mod shrink;
 

@@ -113,29 +113,11 @@ fn fewer_samples(samples: &[DepthSample], width: usize, small: &PinholeView, fac
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::views::Role;
+    use crate::views::samples::{ahead, seen};
 
     fn view(width: usize, height: usize) -> View {
-        let pixels = width * height;
-        View {
-            frame: 3,
-            camera: "front".to_owned(),
-            role: Role::Input,
-            pinhole: PinholeView {
-                width,
-                height,
-                fx: 8.0,
-                fy: 6.0,
-                cx: 2.5,
-                cy: 2.0,
-                camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-                time: 0.5,
-            },
-            image: RgbImage { width, height, data: (0..3 * pixels).map(|i| i as f32).collect() },
-            labels: None,
-            depth_map: None,
-            depth_samples: Vec::new(),
-        }
+        let pinhole = PinholeView { fy: 6.0, time: 0.5, ..ahead(width, height, 8.0) };
+        View { frame: 3, ..seen(pinhole, (0..3 * width * height).map(|i| i as f32).collect()) }
     }
 
     #[test]

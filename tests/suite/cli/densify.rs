@@ -186,6 +186,10 @@ fn budget() -> Outcome {
 
 fn refused() -> Outcome {
     let place = Place::new()?;
+    let flags = ["--theta-prune", "1", "--theta-add", "1", "--views", "none", "--max-gaussians", "40%"];
+    let share = place.run("share", &flags)?;
+    expect(share.count("final")? == share.count("initial")? * 40 / 100, "two fifths of those before", &share)?;
+    expect(share.page["config"]["max_gaussians"] == "40%", "as it was asked for", &share)?;
     let off = place.finish("out", &["--max-gaussians", "5", "--density", "off"])?;
     off.expect_refusal(&["--max-gaussians", "--density off"])?;
     fs::write(place.0.path().join("plain.json"), without_policy()?)?;

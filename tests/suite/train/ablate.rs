@@ -5,6 +5,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use lgs_engine::densify::Limit;
 use lgs_engine::network::source::{LoadedModel, load_model};
 use lgs_tests::process::{binary, run};
 use lgs_tests::weights::{Heads, SMALL, Weights};
@@ -12,8 +13,8 @@ use lgs_tests::{Outcome, case, clips, metrics};
 use lgs_train::ablate::choice::Choice;
 use lgs_train::ablate::job::{Hashed, Job, Observer};
 use lgs_train::ablate::record::ClipRecord;
-use lgs_train::ablate::scene::names;
 use lgs_train::ablate::settings::Settings;
+use lgs_train::ablate::ways::names;
 use lgs_train::ship::{CardSource, card, weights};
 use lgs_train::stages::weights::Precision;
 use libtest_mimic::{Failed, Trial};
@@ -76,6 +77,7 @@ impl Place {
                 adam_from_start: false,
                 adam_views: None,
                 thresholds: vec![0.5],
+                limits: vec![Limit::Percent(60)],
                 seed: 0,
             },
             short: None,
@@ -161,7 +163,19 @@ fn trained_policy() -> Outcome {
         place.inferred(&["--density", "random"])?,
     )?;
     let theta = place.inferred(&["--theta-prune", "0.5", "--theta-add", "0.5"])?;
-    same("theta 0.5", record.variant("theta 0.5").and_then(|v| v.figures.psnr), theta)
+    same("theta 0.5", record.variant("theta 0.5").and_then(|v| v.figures.psnr), theta)?;
+    let net = |name: &str| counts(name).map(|[pruned, added]| added as i64 - pruned as i64);
+    let as_many = names::as_many(0.5);
+    if net("theta 0.5").is_none() || net("theta 0.5") != net(&as_many) || counts("theta 0.5") == counts(&as_many) {
+        return Err(format!("theta 0.5: {:?}, by rank {:?}", counts("theta 0.5"), counts(&as_many)).into());
+    }
+    let limit = Limit::Percent(60);
+    let (ranked, by_chance) = (names::limited(limit), names::limited_by_chance(limit));
+    if counts(&ranked) != counts(&by_chance) || counts(&ranked).is_none_or(|[pruned, _]| pruned == 0) {
+        return Err(format!("{limit}: {:?}, by chance {:?}", counts(&ranked), counts(&by_chance)).into());
+    }
+    let flags = ["--theta-prune", "1", "--theta-add", "0", "--max-gaussians", "60%"];
+    same(&ranked, record.variant(&ranked).and_then(|v| v.figures.psnr), place.inferred(&flags)?)
 }
 
 fn ship() -> Outcome {

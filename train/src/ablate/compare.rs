@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::{
     record::{ClipRecord, Means},
-    scene::names,
     settings::STEPS,
     statistics::{Paired, Spread},
+    ways::names,
 };
 
 /// Two ways to reconstruct, compared by the PSNR of the held-out views of each scene.
@@ -50,6 +50,18 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
         ("query and policy - neither", names::NEITHER),
     ] {
         add(what.to_owned(), &|r| Some(main(r)? - variant(other)(r)?));
+    }
+    let Some(settings) = records.first().map(|record| &record.causes.settings) else { return all };
+    let of = |name: String| move |r: &ClipRecord| r.variant(&name)?.figures.psnr;
+    let without = variant(names::POLICY_OFF);
+    for &limit in &settings.limits {
+        let (ranked, by_chance) = (of(names::limited(limit)), of(names::limited_by_chance(limit)));
+        add(format!("{} - policy off", names::limited(limit)), &|r| Some(ranked(r)? - without(r)?));
+        add(format!("at most {limit}, by rank - by chance"), &|r| Some(ranked(r)? - by_chance(r)?));
+    }
+    for &theta in &settings.thresholds {
+        let (ranked, fixed) = (of(names::as_many(theta)), of(names::threshold(theta)));
+        add(format!("{} - theta {theta}", names::as_many(theta)), &|r| Some(ranked(r)? - fixed(r)?));
     }
     all
 }

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use super::{
     compare::{adam_steps, comparisons, spread},
     record::{ClipRecord, CurveOf, Means},
-    scene::names,
     settings::STEPS,
     statistics::Spread,
+    ways::names,
 };
 
 /// What was found on the scenes that means are taken over, and on clips that stand for themselves.

@@ -9,6 +9,8 @@ pub mod rates;
 
 pub mod record;
 
+pub mod ways;
+
 pub mod scene;
 
 pub mod statistics;

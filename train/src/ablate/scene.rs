@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use lgs_engine::{
-    densify::{Density, DensityMap, Thresholds, UpdateCounts},
+    densify::{Density, DensityMap, Limit, Thresholds, UpdateCounts},
     gaussians::GaussianSet,
     network::model::FoldedModel,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
@@ -18,35 +18,9 @@ use super::{
     record::{Causes, ClipRecord, Means, Point, Variant},
     settings::{STEPS, Settings},
     subject::Subject,
+    ways::{ANY, Way, names, ways},
 };
 use crate::{error::Result, velocity::TrueVelocities};
-
-/// Names of the ways to use the network.
-pub mod names {
-    /// As the system is used.
-    pub const MAIN: &str = "main";
-    /// Without the query.
-    pub const QUERY_OFF: &str = "query off";
-    /// Without the policy.
-    pub const POLICY_OFF: &str = "policy off";
-    /// Without both.
-    pub const NEITHER: &str = "query and policy off";
-    /// Chance decides, at the rates of the policy.
-    pub const RANDOM: &str = "random";
-
-    /// Both thresholds at this score.
-    pub fn threshold(theta: f32) -> String {
-        format!("theta {theta}")
-    }
-}
-
-/// A way to use the network.
-#[derive(Clone, Copy, Debug)]
-struct Way {
-    query: bool,
-    density: Density,
-    thresholds: Thresholds,
-}
 
 /// A scene that the network made of the initial Gaussians.
 struct Made {
@@ -66,7 +40,7 @@ struct Bench<'a> {
 /// How many steps of some kind [`measure`] tells of at most, for who shows progress.
 pub fn num_told(settings: &Settings) -> u64 {
     let adam = settings.adam.last().copied().unwrap_or(0) * (1 + usize::from(settings.adam_from_start));
-    (adam + settings.refine_steps + (5 + settings.thresholds.len()) * STEPS) as u64
+    (adam + settings.refine_steps + (5 + 2 * (settings.thresholds.len() + settings.limits.len())) * STEPS) as u64
 }
 
 /// Everything about the clip that `causes` ask for; `told` hears how many steps have been done.
@@ -84,7 +58,7 @@ pub fn measure(
     let start_seconds = begun.elapsed().as_secs_f64();
     let settings = causes.settings.clone();
     let bench = Bench { subject, model, settings: &settings, start };
-    let mut way = Way { query: true, density: Density::Policy, thresholds: Thresholds::default() };
+    let mut way = Way { query: true, density: Density::Policy, thresholds: Thresholds::default(), limit: None };
     let (main, density) = bench.make(way)?;
     let policy_skipped = policy_skipped(density.as_ref());
     if policy_skipped.is_some() {
@@ -94,10 +68,19 @@ pub fn measure(
     let adam = bench.adam(&main.scene, told)?;
     let adam_from_start = if settings.adam_from_start { bench.adam(&bench.start, told)? } else { Vec::new() };
     let mut variants = vec![variant(names::MAIN, &main, learned.get(STEPS.min(learned.len().saturating_sub(1))))];
-    for (name, other) in ways(way, policy_skipped.is_some(), &settings.thresholds) {
-        let (made, _) = bench.make(other)?;
+    let mut measured = |name: String, way: Way| {
+        let (made, _) = bench.make(way)?;
         let (points, _) = bench.learned(&made.scene, STEPS, told)?;
         variants.push(variant(&name, &made, points.last()));
+        Result::Ok(made.scene.num_lidar)
+    };
+    for (name, other) in ways(way, policy_skipped.is_some(), &settings.limits) {
+        measured(name, other)?;
+    }
+    for &theta in settings.thresholds.iter().filter(|_| policy_skipped.is_none()) {
+        let thresholds = Thresholds { prune: theta, add: theta };
+        let count = measured(names::threshold(theta), Way { thresholds, ..way })?;
+        measured(names::as_many(theta), Way { thresholds: ANY, limit: Some(Limit::Count(count)), ..way })?;
     }
     let velocity = bench.velocity(policy_skipped.is_some().then_some([&main.scene, &refined]), told)?;
     Ok(ClipRecord {
@@ -124,22 +107,6 @@ fn policy_skipped(density: Option<&DensityMap>) -> Option<String> {
     untrained.then(|| "the policy is not trained: every score is 1/2".to_owned())
 }
 
-/// The other ways to use the network.
-fn ways(main: Way, without_policy: bool, thresholds: &[f32]) -> Vec<(String, Way)> {
-    let mut ways = vec![(names::QUERY_OFF.to_owned(), Way { query: false, ..main })];
-    if without_policy {
-        return ways;
-    }
-    ways.push((names::POLICY_OFF.to_owned(), Way { density: Density::Off, ..main }));
-    ways.push((names::NEITHER.to_owned(), Way { query: false, density: Density::Off, ..main }));
-    ways.push((names::RANDOM.to_owned(), Way { density: Density::Random, ..main }));
-    for &theta in thresholds {
-        let thresholds = Thresholds { prune: theta, add: theta };
-        ways.push((names::threshold(theta), Way { thresholds, ..main }));
-    }
-    ways
-}
-
 fn variant(name: &str, made: &Made, point: Option<&Point>) -> Variant {
     Variant {
         name: name.to_owned(),
@@ -159,7 +126,7 @@ impl Bench<'_> {
             query: way.query,
             density: way.density,
             thresholds: way.thresholds,
-            max_gaussians: None,
+            max_gaussians: way.limit,
             seed: self.settings.seed,
         };
         let mut scene = self.start.clone();
@@ -242,7 +209,8 @@ impl Bench<'_> {
         if let Some(scenes) = scenes {
             return Ok(Some(scenes.map(|scene| truth.errors(scene))));
         }
-        let (made, _) = self.make(Way { query: true, density: Density::Off, thresholds: Thresholds::default() })?;
+        let (made, _) =
+            self.make(Way { query: true, density: Density::Off, thresholds: Thresholds::default(), limit: None })?;
         let (_, refined) = self.learned(&made.scene, STEPS, told)?;
         Ok(Some([&made.scene, &refined].map(|scene| truth.errors(scene))))
     }
@@ -251,15 +219,6 @@ impl Bench<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn without_a_policy_only_the_query_is_left_to_switch() {
-        let main = Way { query: true, density: Density::Policy, thresholds: Thresholds::default() };
-        let of = |without| ways(main, without, &[0.5]).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
-        assert_eq!(of(true), [names::QUERY_OFF]);
-        assert_eq!(of(false).len(), 5);
-        assert_eq!(of(false)[4], "theta 0.5");
-    }
 
     #[test]
     fn a_policy_that_decides_nothing_is_told() {

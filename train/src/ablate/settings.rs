@@ -1,5 +1,6 @@
 //! What is measured on every clip.
 
+use lgs_engine::densify::Limit;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, TrainError};
@@ -21,6 +22,9 @@ pub struct Settings {
     pub adam_views: Option<std::num::NonZeroUsize>,
     /// Scores above which primitives are pruned and copied: the rows of the table of thresholds.
     pub thresholds: Vec<f32>,
+    /// Largest numbers of primitives of the `LiDAR` branch, met by the policy and by chance.
+    #[serde(default)]
+    pub limits: Vec<Limit>,
     /// Seed of random density, copies and views in turns.
     pub seed: u64,
 }

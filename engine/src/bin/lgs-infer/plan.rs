@@ -29,6 +29,11 @@ impl Plan {
         self.budget.as_ref().map_or(self.recipe.adam_steps, |budget| budget.chosen.most_adam_steps)
     }
 
+    /// Seconds that such a step will probably take; 0 where nothing tells.
+    pub(crate) fn adam_step_s(&self) -> f64 {
+        self.budget.as_ref().map_or(0.0, |budget| budget.chosen.adam_step_s)
+    }
+
     /// Notes how a budget was spent on `made`, by a run that began at `start`: the flags of the recipe are those that make it again.
     pub(crate) fn spent(&mut self, made: &Reconstruction, start: Instant) {
         let Some(budget) = &mut self.budget else { return };

@@ -75,14 +75,16 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         query: recipe.query,
         density: recipe.density,
         thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
-        max_gaussians: args.max_gaussians,
+        // One that a preset asks for is nothing to a model without a policy.
+        max_gaussians: recipe.max_gaussians.filter(|_| args.max_gaussians.is_some() || loaded.model.policy.is_some()),
         seed: args.seed,
     });
     let mut reconstruction = begun.finish(recipe.background, network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
         let adam = AdamSettings { turns, ..AdamSettings::default() };
-        optimise(&mut reconstruction, &inputs, OptimiseSettings { steps, adam, reduce, until }, &mut watch)?;
+        let settings = OptimiseSettings { steps, adam, reduce, until, step_s: plan.adam_step_s() };
+        optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     plan.spent(&reconstruction, start);
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
@@ -233,7 +235,7 @@ impl<'a> Job<'a> {
             density: recipe.network.then_some(recipe.density),
             theta_prune: recipe.network.then_some(self.args.theta_prune),
             theta_add: recipe.network.then_some(self.args.theta_add),
-            max_gaussians: self.args.max_gaussians.filter(|_| recipe.network),
+            max_gaussians: recipe.max_gaussians.filter(|_| recipe.network),
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

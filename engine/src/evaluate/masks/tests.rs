@@ -3,11 +3,13 @@ use std::path::PathBuf;
 use lgs_formats::{
     camera::{Camera, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord},
-    image::RgbImage,
 };
 
 use super::*;
-use crate::views::Role;
+use crate::views::{
+    Role,
+    samples::{ahead, seen},
+};
 
 const WIDTH: usize = 40;
 const HEIGHT: usize = 30;
@@ -46,26 +48,8 @@ fn tracked(track: &str, centre: [f64; 3], size: [f64; 3]) -> TrackedBox {
 }
 
 fn view(frame: usize, time: f32) -> View {
-    let pinhole = PinholeView {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: 20.0,
-        fy: 20.0,
-        cx: 20.0,
-        cy: 15.0,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time,
-    };
-    View {
-        frame,
-        camera: "front".into(),
-        role: Role::HeldOut,
-        pinhole,
-        image: RgbImage { width: WIDTH, height: HEIGHT, data: vec![0.0; WIDTH * HEIGHT * 3] },
-        labels: None,
-        depth_map: None,
-        depth_samples: vec![],
-    }
+    let pinhole = PinholeView { time, ..ahead(WIDTH, HEIGHT, 20.0) };
+    View { frame, role: Role::HeldOut, ..seen(pinhole, vec![0.0; WIDTH * HEIGHT * 3]) }
 }
 
 const CLIP_FRAME: ClipFrame = ClipFrame { clip_from_world: Pose::IDENTITY, time_zero: EPOCH };

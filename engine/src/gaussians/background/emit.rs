@@ -10,9 +10,9 @@ use crate::{
 };
 
 /// Standard deviation of a background Gaussian, pixels of its view.
-const SIGMA_PX: f32 = 0.4;
+const SIGMA_PX: f32 = 0.12;
 /// Opacity of a background Gaussian.
-const OPACITY: f32 = 0.8;
+const OPACITY: f32 = 0.95;
 
 /// The raw attributes of one Gaussian per uncovered pixel of `view` whose depth is trusted just as `trust` says.
 ///

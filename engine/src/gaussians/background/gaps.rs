@@ -98,31 +98,13 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::sheet;
-    use crate::views::{DepthSample, PinholeView, Role, View};
-    use lgs_formats::image::RgbImage;
+    use crate::views::{
+        DepthSample, View,
+        samples::{ahead, seen},
+    };
 
     fn view(depth_samples: Vec<DepthSample>) -> View {
-        let pinhole = PinholeView {
-            width: 20,
-            height: 12,
-            fx: 10.0,
-            fy: 10.0,
-            cx: 10.0,
-            cy: 6.0,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        };
-        let image = RgbImage { width: 20, height: 12, data: vec![0.5; 720] };
-        View {
-            frame: 0,
-            camera: "a".to_owned(),
-            role: Role::Input,
-            pinhole,
-            image,
-            labels: None,
-            depth_map: None,
-            depth_samples,
-        }
+        View { depth_samples, ..seen(ahead(20, 12, 10.0), vec![0.5; 720]) }
     }
 
     #[test]

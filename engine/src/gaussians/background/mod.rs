@@ -148,31 +148,17 @@ fn from_the_middle(views: &[View]) -> Vec<&View> {
 #[cfg(test)]
 mod tests {
     use super::from_the_middle;
-    use crate::views::{PinholeView, Role, View};
-    use lgs_formats::image::RgbImage;
+    use crate::views::{
+        Role, View,
+        samples::{ahead, seen},
+    };
 
     #[test]
     fn the_middle_comes_first_and_held_out_views_never() {
-        let pinhole = PinholeView {
-            width: 1,
-            height: 1,
-            fx: 1.0,
-            fy: 1.0,
-            cx: 0.5,
-            cy: 0.5,
-            camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            time: 0.0,
-        };
-        let image = RgbImage { width: 1, height: 1, data: vec![0.0; 3] };
         let view = |frame: usize| View {
             frame,
-            camera: "a".to_owned(),
             role: if frame.is_multiple_of(2) { Role::Input } else { Role::HeldOut },
-            pinhole,
-            image: image.clone(),
-            labels: None,
-            depth_map: None,
-            depth_samples: Vec::new(),
+            ..seen(ahead(1, 1, 1.0), vec![0.0; 3])
         };
         let order = |frames: &[usize]| -> Vec<usize> {
             let views: Vec<View> = frames.iter().map(|&frame| view(frame)).collect();

@@ -5,6 +5,7 @@ use super::{
     text::{escape, ranges, thousands},
 };
 use crate::{
+    densify::Limit,
     evaluate::ViewFigures,
     pipeline::{NetworkSummary, Stage, UpdateSkipped},
     plan::word,
@@ -92,6 +93,13 @@ fn depth_maps(metrics: &Metrics) -> String {
     maps_in_words(&metrics.depth_maps).map_or("none".to_owned(), |words| escape(&words))
 }
 
+fn limit_text(limit: Limit) -> String {
+    match limit {
+        Limit::Count(count) => thousands(count),
+        Limit::Percent(_) => limit.to_string(),
+    }
+}
+
 /// What the network was asked for and what it left out, as one line.
 fn network_settings(config: &Config, summary: &NetworkSummary) -> String {
     let query = match summary.query_skipped {
@@ -103,7 +111,7 @@ fn network_settings(config: &Config, summary: &NetworkSummary) -> String {
     let number = |value: Option<f32>| value.map_or(String::new(), |value| value.to_string());
     let density = match (&summary.set_update_skipped, &config.density) {
         (None, Some(density)) => {
-            let budget = config.max_gaussians.map_or(String::new(), |n| format!(", at most {}", thousands(n)));
+            let budget = config.max_gaussians.map_or(String::new(), |limit| format!(", at most {}", limit_text(limit)));
             format!("density {} ({}, {}{budget})", word(&density), number(config.theta_prune), number(config.theta_add))
         }
         (Some(UpdateSkipped::NotInModel), _) => "no policy in the model".to_owned(),

@@ -10,7 +10,7 @@ use lgs_train::ablate::choice::Choice;
 
 use crate::{
     scaling_args::ScalingArgs,
-    values::{ClipArg, Limit, One, WeightsArg, budget, reduce, seconds, steps, theta, views},
+    values::{ClipArg, Most, One, Views, WeightsArg, most, reduce, seconds, steps, theta, views},
 };
 
 /// Most timed runs of a configuration, and of rounds before them.
@@ -57,9 +57,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0.7", value_parser = theta)]
     theta: Vec<f32>,
 
-    /// Largest numbers of LiDAR Gaussians after pruning and adding, or `none`, where a policy acts
-    #[arg(long, value_name = "N,none", value_delimiter = ',', default_value = "none", value_parser = budget)]
-    max_gaussians: Vec<Limit>,
+    /// Largest numbers of LiDAR Gaussians after pruning and adding, shares of those before, or `none`, where a policy acts
+    #[arg(long, value_name = "N,P%,none", value_delimiter = ',', default_value = "none", value_parser = most)]
+    max_gaussians: Vec<Most>,
 
     /// Backgrounds
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,gaps")]
@@ -79,7 +79,7 @@ pub(crate) struct Args {
 
     /// Input views that a step of a refinement looks at, or `all`
     #[arg(long, value_name = "N,all", value_delimiter = ',', default_value = "all", value_parser = views)]
-    refine_views: Vec<Limit>,
+    refine_views: Vec<Views>,
 
     /// How many times smaller in width and height the images are that a step looks at, 1 to 64
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1", value_parser = reduce)]
@@ -153,10 +153,10 @@ impl Args {
             query: self.query.clone(),
             density: self.density.clone(),
             theta: self.theta.clone(),
-            max_gaussians: self.max_gaussians.iter().map(|limit| limit.0.map(NonZeroUsize::get)).collect(),
+            max_gaussians: self.max_gaussians.iter().map(|most| most.0).collect(),
             adam: if self.no_adam { Vec::new() } else { self.adam.clone() },
             then_adam: self.then_adam.clone(),
-            refine_views: self.refine_views.iter().map(|limit| limit.0).collect(),
+            refine_views: self.refine_views.iter().map(|views| views.0).collect(),
             refine_reduce: self.refine_reduce.clone(),
         }
     }
@@ -175,6 +175,7 @@ impl Args {
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
+    use lgs_engine::densify::Limit;
 
     use super::*;
 
@@ -205,9 +206,9 @@ mod tests {
 
     #[test]
     fn values_are_lists() {
-        let line = "a --out o --max-gaussians none,500 --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --density random --query off --background none";
+        let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --density random --query off --background none";
         let axes = parse(line).unwrap().axes();
-        assert_eq!(axes.max_gaussians, [None, Some(500)]);
+        assert_eq!(axes.max_gaussians, [None, Some(Limit::Count(500)), Some(Limit::Percent(70))]);
         assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
         assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
         assert_eq!((axes.density, axes.query), (vec![Density::Random], vec![Switch::Off]));

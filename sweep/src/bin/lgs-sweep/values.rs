@@ -2,7 +2,7 @@
 
 use std::{num::NonZeroUsize, str::FromStr};
 
-use lgs_engine::network::source::ModelSource;
+use lgs_engine::{densify::Limit, network::source::ModelSource};
 use lgs_train::ablate::choice::Choice;
 
 /// A clip and its own options.
@@ -45,9 +45,13 @@ impl FromStr for WeightsArg {
     }
 }
 
-/// A number of 1 or more; `None` for the word that means no limit.
+/// Largest number or share of Gaussians; `None` for no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Limit(pub(crate) Option<NonZeroUsize>);
+pub(crate) struct Most(pub(crate) Option<Limit>);
+
+/// Views of a step; `None` for all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Views(pub(crate) Option<NonZeroUsize>);
 
 /// Numbers of a clip and of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,20 +69,22 @@ impl FromStr for One {
     }
 }
 
-fn limit(text: &str, without: &str) -> Result<Limit, String> {
-    if text == without {
-        return Ok(Limit(None));
+pub(crate) fn most(text: &str) -> Result<Most, String> {
+    if text == "none" {
+        return Ok(Most(None));
     }
-    let number = text.parse().ok().map(|number| Limit(Some(number)));
-    number.ok_or_else(|| format!("expected a number from 1 on or {without}, found {text:?}"))
+    let limit = text.parse().ok().filter(|limit| !matches!(limit, Limit::Count(0) | Limit::Percent(0)));
+    limit
+        .map(|limit| Most(Some(limit)))
+        .ok_or_else(|| format!("expected a number from 1 on, a share such as 70% or none, found {text:?}"))
 }
 
-pub(crate) fn budget(text: &str) -> Result<Limit, String> {
-    limit(text, "none")
-}
-
-pub(crate) fn views(text: &str) -> Result<Limit, String> {
-    limit(text, "all")
+pub(crate) fn views(text: &str) -> Result<Views, String> {
+    if text == "all" {
+        return Ok(Views(None));
+    }
+    let number = text.parse().ok().map(|number| Views(Some(number)));
+    number.ok_or_else(|| format!("expected a number from 1 on or all, found {text:?}"))
 }
 
 pub(crate) fn steps<const MOST: usize>(text: &str) -> Result<usize, String> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use lgs_engine::{gaussians::motion::Motion, network::source::ModelSource, pipeline::HoldOut};
+use lgs_engine::{densify::Limit, gaussians::motion::Motion, network::source::ModelSource, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
 use lgs_train::ablate::{choice::Choice, job::Short, settings::Settings};
 
@@ -76,6 +76,9 @@ pub(crate) struct AblateArgs {
     /// Thresholds of the policy, for pruning and adding alike, that are tried
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_values_t = [0.5, 0.6, 0.7, 0.8, 0.9])]
     pub(crate) thresholds: Vec<f32>,
+    /// Largest numbers of LiDAR Gaussians, or shares of those before, that the policy's rank and chance are held to
+    #[arg(long, value_name = "P%,N", value_delimiter = ',', default_values_t = [Limit::Percent(70), Limit::Percent(40)])]
+    pub(crate) limits: Vec<Limit>,
     /// Weights of LPIPS v0.1 with its squeeze trunk [default: none, and LPIPS is not measured]
     #[arg(long, value_name = "FILE")]
     pub(crate) lpips_weights: Option<PathBuf>,
@@ -110,6 +113,7 @@ impl AblateArgs {
             adam_from_start: self.adam_from_start,
             adam_views: self.adam_views,
             thresholds: self.thresholds.clone(),
+            limits: self.limits.clone(),
             seed: self.seed,
         }
     }

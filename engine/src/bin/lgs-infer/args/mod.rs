@@ -8,7 +8,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
-    densify::Density,
+    densify::{Density, Limit},
     gaussians::{background::Mode, motion::Motion},
     network::{shipped, source::ModelSource},
     pipeline::HoldOut,
@@ -89,10 +89,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
     pub(crate) theta_add: f32,
 
-    /// Largest number of LiDAR Gaussians after pruning and adding: the worst go first, then the best copies come; needs a
-    /// policy's scores [default: as many as the scores ask for]
-    #[arg(long, value_name = "N")]
-    pub(crate) max_gaussians: Option<usize>,
+    /// Largest number of LiDAR Gaussians after pruning and adding, or share of those before: the worst go first, then the
+    /// best copies come; needs a policy's scores [default: as many as the scores ask for]
+    #[arg(long, value_name = "N|P%")]
+    pub(crate) max_gaussians: Option<Limit>,
 
     /// Whether primitives ask their nearest of other timestamps [default: on]
     #[arg(long, value_enum)]
@@ -204,6 +204,7 @@ impl Args {
             network: base.network,
             query: self.query.map_or(base.query, |switch| switch == Switch::On),
             density: self.density.unwrap_or(base.density),
+            max_gaussians: self.max_gaussians.or(base.max_gaussians.filter(|_| self.density != Some(Density::Off))),
             refine_steps,
             adam_steps,
             refine_views: self.refine_views.or(base.refine_views),

@@ -1,7 +1,10 @@
-use lgs_formats::image::{DepthMap, RgbImage};
+use lgs_formats::image::DepthMap;
 
 use super::*;
-use crate::views::{DepthSample, PinholeView, Role};
+use crate::views::{
+    DepthSample, PinholeView,
+    samples::{ahead, seen},
+};
 
 const WIDTH: usize = 40;
 const HEIGHT: usize = 24;
@@ -17,29 +20,16 @@ fn depth(pixel: usize) -> f32 {
 
 /// A view whose returns lie on every third pixel of what is not sky; every `wrong`-th return is of something else.
 fn view(frame: usize, map: Option<DepthMap>, wrong: usize) -> View {
-    let pinhole = PinholeView {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: 30.0,
-        fy: 30.0,
-        cx: 20.0,
-        cy: 12.0,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time: 0.1 * frame as f32,
-    };
+    let pinhole = PinholeView { time: 0.1 * frame as f32, ..ahead(WIDTH, HEIGHT, 30.0) };
     let sample = |pixel: u32| DepthSample {
         pixel,
         depth: if wrong > 0 && (pixel as usize).is_multiple_of(wrong) { 7.0 } else { depth(pixel as usize) },
     };
     View {
         frame,
-        camera: "a".to_owned(),
-        role: Role::Input,
-        pinhole,
-        image: RgbImage { width: WIDTH, height: HEIGHT, data: vec![0.5; 3 * WIDTH * HEIGHT] },
-        labels: None,
         depth_map: map,
         depth_samples: (160..960).step_by(3).map(sample).collect(),
+        ..seen(pinhole, vec![0.5; 3 * WIDTH * HEIGHT])
     }
 }
 
