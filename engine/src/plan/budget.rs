@@ -178,17 +178,17 @@ mod tests {
     fn time_between_two_recorded_numbers_of_steps_is_used() {
         let mut record = record();
         let adam = Recipe { refine_steps: 1, adam_steps: 10, ..Recipe::default() };
-        record.recipes.push(Measured { recipe: adam, psnr: vec![25.0, 25.0], seconds: vec![2.4, 24.0] });
+        record.recipes.push(Measured { recipe: adam, psnr: vec![28.0, 28.0], seconds: vec![2.4, 24.0] });
         let of = |seconds| choose(&record, &budget(seconds)).unwrap();
         // 0.3 s for the first step, 0.2 s for each of the others.
-        let chosen = of(0.71);
-        assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 2, 10));
-        assert!((chosen.expected_s - 0.7).abs() < 0.01 && (chosen.gives_up_db - 2.4).abs() < 0.01, "{chosen:?}");
+        let chosen = of(1.31);
+        assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 5, 10));
+        assert!((chosen.expected_s - 1.3).abs() < 0.01 && (chosen.gives_up_db - 3.0).abs() < 0.01, "{chosen:?}");
         assert!((chosen.adam_step_s - 0.2).abs() < 0.01 && of(0.55).adam_step_s > 0.19, "{chosen:?}");
         // What was recorded is better where it fits, and nothing lies beyond the last.
         assert_eq!((of(1.0).recipe.refine_steps, of(1.0).most_adam_steps), (3, 0));
         assert_eq!((of(9.0).recipe.adam_steps, of(9.0).most_adam_steps), (10, 10));
-        assert_eq!(of(0.55).recipe.adam_steps, 0, "one step makes it worse");
+        assert_eq!(of(0.55).recipe.adam_steps, 0, "the first steps make it worse");
         assert_eq!((of(0.01).fits, of(0.01).most_adam_steps), (false, 0));
     }
 
