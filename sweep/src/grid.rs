@@ -61,6 +61,18 @@ impl Run {
     }
 }
 
+/// The runs that come to every configuration of several grids once, in the order of the grids.
+pub fn runs_of(grids: &[Axes], models: &[Parts]) -> Vec<Run> {
+    let mut all: Vec<Run> = Vec::new();
+    for mut run in grids.iter().flat_map(|axes| runs(axes, models)) {
+        run.settings.retain(|setting| !all.iter().any(|other| other.settings.contains(setting)));
+        if !run.settings.is_empty() {
+            all.push(run);
+        }
+    }
+    all
+}
+
 /// The runs that come to every configuration of the grid once: what a model has no part for is not told apart, and what a refinement looks
 /// at is not where there is none.
 pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
@@ -167,6 +179,14 @@ mod tests {
         assert_eq!(all.len(), 2);
         assert_eq!(all[0].settings.iter().map(Setting::steps).collect::<Vec<_>>(), [10, 30]);
         assert!(runs(&Axes { adam: Vec::new(), ..axes() }, &[]).is_empty());
+    }
+
+    #[test]
+    fn what_two_grids_share_is_measured_once() {
+        let quick = Axes { adam: vec![0, 10], then_adam: vec![0], ..axes() };
+        let all = runs_of(&[axes(), quick.clone(), quick], &[]);
+        let steps: Vec<Vec<usize>> = all.iter().map(|run| run.settings.iter().map(Setting::steps).collect()).collect();
+        assert_eq!(steps, [vec![10, 30], vec![10, 30], vec![0], vec![0]]);
     }
 
     #[test]

@@ -12,10 +12,7 @@ use lgs_engine::{
     pipeline::{
         GaussianCounts, Inputs, NetworkSettings, Reconstruction, Silent, Stage, StageTimes, Watch, reconstruct,
     },
-    refine::{
-        RefineSettings, Turns,
-        adam::{Adam, AdamSettings},
-    },
+    refine::{RefineSettings, Turns, adam::Adam},
     views::{View, at_factor},
 };
 use lgs_train::ablate::record::Means;
@@ -169,8 +166,7 @@ impl Bench<'_> {
         let full: Vec<&View> = self.inputs.views().iter().collect();
         let reduced = watch.time(Stage::Refine, |_| at_factor(&full, refine.reduce));
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-        let settings = AdamSettings { turns: self.turns(refine), ..AdamSettings::default() };
-        let mut adam = Adam::new(made.scene.len(), settings);
+        let mut adam = Adam::new(made.scene.len(), made.adam(self.turns(refine)));
         let (before, network) = (made.seconds + start.elapsed().as_secs_f64(), watch.times.refine);
         let mut steps_s = 0.0;
         for done in 1..=refine.adam {

@@ -1,10 +1,21 @@
 //! The actions that meet a budget.
 
-use super::{Action, Scores, Thresholds, by_thresholds};
+use super::{Action, Limit, Scores, Thresholds, by_thresholds};
 use crate::error::Result;
 
 /// How much the share of the primitives that a score beats counts beside the even order.
 const SCORE: f64 = 0.5;
+
+/// What becomes of the primitives that the scores are of: [`by_budget`] under a limit, otherwise [`by_thresholds`].
+///
+/// # Errors
+/// When a score is not finite.
+pub fn decide(scores: &Scores, thresholds: Thresholds, limit: Option<Limit>) -> Result<Vec<Action>> {
+    match limit {
+        Some(limit) => by_budget(scores, thresholds, limit.of(scores.prune.len())),
+        None => by_thresholds(scores, thresholds),
+    }
+}
 
 /// The actions that thresholds decide, held to at most `budget` primitives by rank: first the worst are pruned, then the best
 /// additions are made.

@@ -16,7 +16,7 @@ mod scores;
 mod tests;
 
 pub use apply::{COPY_NOISE, apply, origins};
-pub use budget::by_budget;
+pub use budget::{by_budget, decide};
 pub use limit::Limit;
 pub use random::at_random;
 pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};

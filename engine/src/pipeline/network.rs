@@ -124,10 +124,7 @@ fn update_set(
     scores: Scores,
     settings: &NetworkSettings<'_>,
 ) -> Result<(UpdateCounts, Option<DensityMap>)> {
-    let mut actions = match settings.max_gaussians {
-        Some(limit) => densify::by_budget(&scores, settings.thresholds, limit.of(scores.prune.len()))?,
-        None => densify::by_thresholds(&scores, settings.thresholds)?,
-    };
+    let mut actions = densify::decide(&scores, settings.thresholds, settings.max_gaussians)?;
     if settings.density == Density::Random {
         actions = densify::at_random(&actions, settings.seed);
     }

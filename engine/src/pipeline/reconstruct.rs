@@ -18,8 +18,8 @@ use crate::{
     },
     points::{self, PointCloud},
     refine::{
-        RefineSummary,
-        adam::{Adam, AdamSettings, AdamSummary, FEWEST_STEPS},
+        RefineSummary, Turns,
+        adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
     render::{Pass, Probes},
     views::{View, at_factor},
@@ -170,15 +170,22 @@ pub fn reconstruct(
 pub struct OptimiseSettings {
     /// Steps.
     pub steps: usize,
-    /// A step.
-    pub adam: AdamSettings,
+    /// Views that a step looks at.
+    pub turns: Turns,
     /// How many times smaller in width and height the images are that it looks at.
     pub reduce: usize,
-    /// No step begins that would probably end later than this, but for the [`FEWEST_STEPS`], which run all or, where there is no time
-    /// for them, not at all; `None` for no limit.
+    /// No step begins that would probably end later than this; `None` for no limit.
     pub until: Option<Instant>,
     /// Seconds that the first step will probably take, where no learned one has told.
     pub step_s: f64,
+}
+
+impl Reconstruction {
+    /// How a per-scene optimisation of it goes: gently where learned steps have brought it near its optimum.
+    pub fn adam(&self, turns: Turns) -> AdamSettings {
+        let gentle = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
+        AdamSettings { rates: AdamRates::default(), turns, gentle }
+    }
 }
 
 /// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
@@ -191,24 +198,23 @@ pub fn optimise(
     settings: OptimiseSettings,
     watch: &mut Watch<'_>,
 ) -> Result<()> {
-    let OptimiseSettings { steps, adam, reduce, until, step_s } = settings;
+    let OptimiseSettings { steps, turns, reduce, until, step_s } = settings;
     let num_lidar = reconstruction.scene.num_lidar;
     check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None, Flags::default())?;
     let start = Instant::now();
     // A step draws the views once, as the learned refinement has.
     let refined = reconstruction.network.as_ref().map(|network| &network.refine);
     let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(step_s);
+    let adam = reconstruction.adam(turns);
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
         let full: Vec<&View> = inputs.views().iter().collect();
         let reduced = at_factor(&full, reduce);
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
         let mut adam = Adam::new(scene.len(), adam);
-        for done in 0..steps {
+        for _ in 0..steps {
             let begun = Instant::now();
-            let needed_s = step_s * if done == 0 { FEWEST_STEPS as f64 } else { 1.0 };
-            let may_end = done == 0 || done >= FEWEST_STEPS;
-            if may_end && until.is_some_and(|until| begun + Duration::from_secs_f64(needed_s) > until) {
+            if until.is_some_and(|until| begun + Duration::from_secs_f64(step_s) > until) {
                 break;
             }
             Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;

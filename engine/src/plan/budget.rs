@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::{ClipWork, Measured, Recipe, Record};
-use crate::refine::adam::FEWEST_STEPS;
 
 /// A machine that is slower by less than this factor, or quicker, is taken for the one that measured: a short stage says no more, and its
 /// time on another clip is foreseen no better. What turns out quicker leaves time for more steps.
@@ -112,8 +111,7 @@ impl Offer {
         let next = longer.min_by_key(|offer| offer.recipe.adam_steps)?;
         let steps = next.recipe.adam_steps - self.recipe.adam_steps;
         let step_s = (next.seconds - self.seconds) / steps as f64;
-        let least = if self.recipe.adam_steps == 0 { FEWEST_STEPS } else { 1 };
-        let more = (least..steps).take_while(|&more| self.seconds + step_s * more as f64 <= left).last()?;
+        let more = (1..steps).take_while(|&more| self.seconds + step_s * more as f64 <= left).last()?;
         let share = more as f64 / steps as f64;
         (next.seconds > left).then(|| Self {
             recipe: Recipe { adam_steps: self.recipe.adam_steps + more, ..self.recipe },
@@ -188,7 +186,7 @@ mod tests {
         // What was recorded is better where it fits, and nothing lies beyond the last.
         assert_eq!((of(1.0).recipe.refine_steps, of(1.0).most_adam_steps), (3, 0));
         assert_eq!((of(9.0).recipe.adam_steps, of(9.0).most_adam_steps), (10, 10));
-        assert_eq!(of(0.55).recipe.adam_steps, 0, "the first steps make it worse");
+        assert_eq!((of(0.45).recipe.adam_steps, of(0.55).recipe.adam_steps), (0, 1));
         assert_eq!((of(0.01).fits, of(0.01).most_adam_steps), (false, 0));
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lgs_engine::pipeline::HoldOut;
+use lgs_engine::{densify::Limit, pipeline::HoldOut};
 use lgs_tests::{Outcome, case};
 use lgs_train::scenes::Split;
 use lgs_train::stages::checkpoint::State;
@@ -52,8 +52,8 @@ fn same_bits_after_resume() -> Outcome {
 }
 
 /// Gaussians of the `LiDAR` branch in the first step.
-fn gaussians(clips: &Path, out: &Path, thresholds: [f32; 2]) -> Result<f64, Failed> {
-    let (state, job) = (start(finetuning(1, thresholds))?, job(clips, &HoldOut::Nothing, out)?);
+fn gaussians(clips: &Path, out: &Path, settings: Settings) -> Result<f64, Failed> {
+    let (state, job) = (start(settings)?, job(clips, &HoldOut::Nothing, out)?);
     let sample = job.task.sample(&state.settings, 0).map_err(failed)?;
     let computed = job.task.compute(&state.variables, &state.settings, sample).map_err(failed)?;
     Ok(computed.values[0])
@@ -63,9 +63,13 @@ fn gaussians(clips: &Path, out: &Path, thresholds: [f32; 2]) -> Result<f64, Fail
 fn the_policy_decides_and_stays() -> Outcome {
     let place = tempfile::tempdir()?;
     let (clips, out) = (clips(place.path())?, place.path().join("out"));
-    let [nothing, copied, pruned] =
-        [[0.7, 0.7], [0.7, 0.3], [0.3, 0.7]].map(|thresholds| gaussians(&clips, &out, thresholds));
-    let (nothing, copied, pruned) = (nothing?, copied?, pruned?);
+    let of = |thresholds| gaussians(&clips, &out, finetuning(1, thresholds));
+    let (nothing, copied, pruned) = (of([0.7, 0.7])?, of([0.7, 0.3])?, of([0.3, 0.7])?);
+    let limited = Settings { max_gaussians: Some(Limit::Percent(70)), ..finetuning(1, [0.7, 0.7]) };
+    let left = gaussians(&clips, &out, limited)?;
+    if left != (0.7 * nothing).floor() {
+        return Err(format!("expected seven in ten of {nothing} Gaussians, found {left}").into());
+    }
     if nothing <= 0.0 || copied != 2.0 * nothing || pruned != 0.0 {
         return Err(
             format!("found {nothing} Gaussians, {copied} where all are copied, {pruned} where none stays").into()

@@ -76,6 +76,7 @@ pub(crate) fn settings(steps: u64) -> Settings {
         psnr: 0.0,
         noise: 0.05,
         thresholds: None,
+        max_gaussians: None,
     }
 }
 

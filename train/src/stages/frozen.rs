@@ -1,7 +1,7 @@
 //! The policy while the rest is trained: its decisions are applied, its weights stay.
 
 use lgs_engine::{
-    densify::{Action, Scores, Thresholds, by_thresholds},
+    densify::{Action, Scores, decide},
     gaussians::GaussianSet,
     network::{buffers::Buffers, config::ModelConfig, policy::FoldedPolicy},
     predict::scores_of,
@@ -40,7 +40,7 @@ impl FrozenPolicy {
         predicted: &GaussianSet,
         settings: &Settings,
     ) -> Result<Option<Vec<Action>>> {
-        let (Some(outcome), Some([prune, add])) = (outcomes.first(), settings.thresholds) else { return Ok(None) };
+        let (Some(outcome), Some((thresholds, limit))) = (outcomes.first(), settings.update()) else { return Ok(None) };
         if predicted.num_lidar == 0 {
             return Ok(None);
         }
@@ -48,6 +48,6 @@ impl FrozenPolicy {
         let found = scores_of(&features, predicted, &self.policy, &self.config, &mut Buffers::default())?;
         let [by_prune, by_add] = found;
         let scores = Scores { prune: by_prune, add: by_add };
-        Ok(Some(by_thresholds(&scores, Thresholds { prune, add })?))
+        Ok(Some(decide(&scores, thresholds, limit)?))
     }
 }

@@ -1,6 +1,6 @@
 //! The stages by the rendering loss: 1, and 3, in which the policy has its say.
 
-use lgs_engine::{densify::Thresholds, network::weights::TensorSpec};
+use lgs_engine::network::weights::TensorSpec;
 
 use super::{
     backbone::{Losses, Rendered, compute},
@@ -96,9 +96,8 @@ impl Task for Rendering {
         if self.validation.is_empty() {
             return Ok(None);
         }
-        let thresholds = settings.thresholds.map(|[prune, add]| Thresholds { prune, add });
         let model = model.model()?.fold(model.config())?;
-        let score = mean_score(&self.validation, &model, settings.refine_steps, thresholds)?;
+        let score = mean_score(&self.validation, &model, settings.refine_steps, settings.update())?;
         Ok(Some([vec![score.start], score.after].concat()))
     }
 

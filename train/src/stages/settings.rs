@@ -1,5 +1,6 @@
 //! What a run of training is made from, apart from clips and model; a checkpoint keeps it.
 
+use lgs_engine::densify::{Limit, Thresholds};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::schedule::Schedule;
@@ -101,6 +102,19 @@ pub struct Settings {
     /// Scores above which the policy prunes and adds; `None`: it has no say.
     #[serde(default)]
     pub thresholds: Option<[f32; 2]>,
+    /// Most primitives that it leaves; `None` for no limit.
+    #[serde(default)]
+    pub max_gaussians: Option<Limit>,
+}
+
+/// How a policy's scores are acted on: above which, and down to how many primitives.
+pub type SetUpdate = (Thresholds, Option<Limit>);
+
+impl Settings {
+    /// How the policy's scores are acted on; `None`: not at all.
+    pub fn update(&self) -> Option<SetUpdate> {
+        self.thresholds.map(|[prune, add]| (Thresholds { prune, add }, self.max_gaussians))
+    }
 }
 
 impl Optimisation {

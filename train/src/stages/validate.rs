@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lgs_engine::{
-    densify::{Scores, Thresholds, apply, by_thresholds},
+    densify::{Scores, apply, decide},
     evaluate::psnr::psnr,
     gaussians::{GaussianSet, background::Mode, physical::to_physical},
     network::model::FoldedModel,
@@ -15,6 +15,7 @@ use lgs_engine::{
 };
 use lgs_formats::{clip_dir::ClipDir, image::ImageSize};
 
+use super::settings::SetUpdate;
 use crate::error::Result;
 
 /// A clip, ready to be reconstructed.
@@ -57,20 +58,20 @@ impl ValidationClip {
         Ok(Self { identity, start, inputs: inputs.into_views(), held_out })
     }
 
-    /// The score of a model, its policy's decisions applied where there are thresholds.
+    /// The score of a model, its policy's decisions applied where there are any.
     ///
     /// # Errors
     /// When a position leaves the voxel grid.
-    pub fn score(&self, model: &FoldedModel, refine_steps: usize, thresholds: Option<Thresholds>) -> Result<Score> {
+    pub fn score(&self, model: &FoldedModel, refine_steps: usize, update: Option<SetUpdate>) -> Result<Score> {
         let mut set = self.start.clone();
         let start = self.psnr(&set);
         let mut features = backbone(&set, model)?;
         query(&mut features, &set, model)?;
         predict(&mut set, &mut features, model)?;
-        if let Some(thresholds) = thresholds
+        if let Some((thresholds, limit)) = update
             && let Some([prune, add]) = scores(&mut features, &set, model)?
         {
-            set = apply(&set, &by_thresholds(&Scores { prune, add }, thresholds)?, 0)?;
+            set = apply(&set, &decide(&Scores { prune, add }, thresholds, limit)?, 0)?;
         }
         let mut after = vec![self.psnr(&set)];
         let views: Vec<&View> = self.inputs.iter().collect();
@@ -100,9 +101,9 @@ pub fn mean_score(
     clips: &[ValidationClip],
     model: &FoldedModel,
     refine_steps: usize,
-    thresholds: Option<Thresholds>,
+    update: Option<SetUpdate>,
 ) -> Result<Score> {
-    let score = |clip: &ValidationClip| clip.score(model, refine_steps, thresholds);
+    let score = |clip: &ValidationClip| clip.score(model, refine_steps, update);
     let scores: Vec<Score> = clips.iter().map(score).collect::<Result<_>>()?;
     let mean = |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
     Ok(Score { start: mean(&|s| s.start), after: (0..=refine_steps).map(|k| mean(&|s| s.after[k])).collect() })

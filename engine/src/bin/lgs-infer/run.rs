@@ -18,7 +18,7 @@ use lgs_engine::{
         check_memory, evaluate_views, optimise,
     },
     plan::Recipe,
-    refine::{RefineSettings, Turns, adam::AdamSettings},
+    refine::{RefineSettings, Turns},
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -65,6 +65,10 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
     let begun = begin(&inputs, &mut watch)?;
     let mut plan = plan::plan(args, start, &begun, inputs.views(), &watch)?;
+    // A limit that a preset asks for is nothing to a model without a policy.
+    if args.max_gaussians.is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none()) {
+        plan.recipe.max_gaussians = None;
+    }
     let (recipe, until) = (plan.recipe, plan.until);
     let model = model.filter(|_| recipe.network);
     let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
@@ -75,15 +79,13 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         query: recipe.query,
         density: recipe.density,
         thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
-        // One that a preset asks for is nothing to a model without a policy.
-        max_gaussians: recipe.max_gaussians.filter(|_| args.max_gaussians.is_some() || loaded.model.policy.is_some()),
+        max_gaussians: recipe.max_gaussians,
         seed: args.seed,
     });
     let mut reconstruction = begun.finish(recipe.background, network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
-        let adam = AdamSettings { turns, ..AdamSettings::default() };
-        let settings = OptimiseSettings { steps, adam, reduce, until, step_s: plan.adam_step_s() };
+        let settings = OptimiseSettings { steps, turns, reduce, until, step_s: plan.adam_step_s() };
         optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     plan.spent(&reconstruction, start);

@@ -3,14 +3,15 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
-use lgs_engine::{densify::Density, gaussians::background::Mode, network::shipped, pipeline::HoldOut};
+use lgs_engine::{network::shipped, pipeline::HoldOut};
 use lgs_formats::image::ImageSize;
-use lgs_sweep::{grid::Axes, setting::Switch};
+use lgs_sweep::grid::Axes;
 use lgs_train::ablate::choice::Choice;
 
 use crate::{
+    grid_args::{GridArgs, also},
     scaling_args::ScalingArgs,
-    values::{ClipArg, Most, One, Views, WeightsArg, most, reduce, seconds, steps, theta, views},
+    values::{ClipArg, One, WeightsArg, seconds},
 };
 
 /// Most timed runs of a configuration, and of rounds before them.
@@ -41,49 +42,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE|tiny|random:FILE.json|none", value_delimiter = ',', default_value = shipped::DEFAULT)]
     pub(crate) weights: Vec<WeightsArg>,
 
-    /// Steps of the learned refinement
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,1,3", value_parser = steps::<1000>)]
-    refine_steps: Vec<usize>,
+    #[command(flatten)]
+    grid: GridArgs,
 
-    /// Whether primitives ask their nearest of other timestamps, for weights that have a query
-    #[arg(long, value_name = "on,off", value_delimiter = ',', default_value = "on")]
-    query: Vec<Switch>,
-
-    /// Who prunes and adds primitives, for weights that have a policy
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "policy,off")]
-    density: Vec<Density>,
-
-    /// Scores above which the policy prunes, and adds, 0 to 1
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0.7", value_parser = theta)]
-    theta: Vec<f32>,
-
-    /// Largest numbers of LiDAR Gaussians after pruning and adding, shares of those before, or `none`, where a policy acts
-    #[arg(long, value_name = "N,P%,none", value_delimiter = ',', default_value = "none", value_parser = most)]
-    max_gaussians: Vec<Most>,
-
-    /// Backgrounds
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,gaps")]
-    background: Vec<Mode>,
-
-    /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10,20,30", value_parser = steps::<100_000>)]
-    adam: Vec<usize>,
-
-    /// Leave the reference out
-    #[arg(long)]
-    no_adam: bool,
-
-    /// Steps of per-scene optimisation after the learned refinement
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10", value_parser = steps::<100_000>)]
-    then_adam: Vec<usize>,
-
-    /// Input views that a step of a refinement looks at, or `all`
-    #[arg(long, value_name = "N,all", value_delimiter = ',', default_value = "all", value_parser = views)]
-    refine_views: Vec<Views>,
-
-    /// How many times smaller in width and height the images are that a step looks at, 1 to 64
-    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1", value_parser = reduce)]
-    refine_reduce: Vec<usize>,
+    /// Another grid beside the first, flags of these kinds in quotes, for combinations that are not wanted with everything; what it does not
+    /// say is as usual. May be given more than once [default: none]
+    #[arg(long, value_name = "FLAGS", value_parser = also, allow_hyphen_values = true)]
+    also: Vec<GridArgs>,
 
     /// Time budgets to try, seconds: `lgs-infer --time-budget` beside the best of these points that would have been finished in time; with
     /// --weights tiny or none [default: none]
@@ -146,19 +111,8 @@ impl Args {
     }
 
     /// What is tried.
-    pub(crate) fn axes(&self) -> Axes {
-        Axes {
-            background: self.background.clone(),
-            refine_steps: self.refine_steps.clone(),
-            query: self.query.clone(),
-            density: self.density.clone(),
-            theta: self.theta.clone(),
-            max_gaussians: self.max_gaussians.iter().map(|most| most.0).collect(),
-            adam: if self.no_adam { Vec::new() } else { self.adam.clone() },
-            then_adam: self.then_adam.clone(),
-            refine_views: self.refine_views.iter().map(|views| views.0).collect(),
-            refine_reduce: self.refine_reduce.clone(),
-        }
+    pub(crate) fn axes(&self) -> Vec<Axes> {
+        std::iter::once(&self.grid).chain(&self.also).map(GridArgs::axes).collect()
     }
 
     /// Timed runs of each configuration, and rounds before them.
@@ -174,10 +128,15 @@ impl Args {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-    use lgs_engine::densify::Limit;
+    use std::num::NonZeroUsize;
 
     use super::*;
+    use clap::CommandFactory;
+    use lgs_engine::{
+        densify::{Density, Limit},
+        gaussians::background::Mode,
+    };
+    use lgs_sweep::setting::Switch;
 
     fn parse(line: &str) -> Result<Args, clap::Error> {
         Args::try_parse_from(std::iter::once("lgs-sweep").chain(line.split(' ')))
@@ -207,13 +166,40 @@ mod tests {
     #[test]
     fn values_are_lists() {
         let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --density random --query off --background none";
-        let axes = parse(line).unwrap().axes();
+        let axes = parse(line).unwrap().axes().remove(0);
         assert_eq!(axes.max_gaussians, [None, Some(Limit::Count(500)), Some(Limit::Percent(70))]);
         assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
         assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
         assert_eq!((axes.density, axes.query), (vec![Density::Random], vec![Switch::Off]));
         assert_eq!(axes.background, [Mode::Off]);
-        assert!(parse("a --out o --no-adam").unwrap().axes().adam.is_empty());
+        assert!(parse("a --out o --no-adam").unwrap().axes()[0].adam.is_empty());
+    }
+
+    #[test]
+    fn another_grid_has_flags_of_its_own() {
+        let line = [
+            "lgs-sweep",
+            "a",
+            "--out",
+            "o",
+            "--then-adam",
+            "7",
+            "--also",
+            "--background gaps --no-adam",
+            "--also",
+            "--adam 4",
+        ];
+        let axes = Args::try_parse_from(line).unwrap().axes();
+        assert_eq!((axes.len(), axes[0].then_adam.clone()), (3, vec![7]));
+        assert_eq!(
+            (axes[1].background.clone(), axes[1].adam.len(), axes[2].adam.clone()),
+            (vec![Mode::Gaps], 0, vec![4])
+        );
+        assert_eq!(axes[1].then_adam, axes[2].then_adam, "as usual");
+        for wrong in ["--out x", "--refine-steps x", "clip", "--theta 2"] {
+            let said = Args::try_parse_from(["lgs-sweep", "a", "--out", "o", "--also", wrong]).unwrap_err().to_string();
+            assert!(said.contains("--also"), "{wrong}: {said}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod apart;
 mod args;
+mod grid_args;
 mod progress;
 mod run;
 mod scaling;

@@ -12,7 +12,7 @@ use lgs_formats::{digest::sha256, program::Outcome};
 use lgs_sweep::{
     budget::BudgetRow,
     case::Case,
-    grid::{Parts, Run, runs},
+    grid::{Parts, Run, runs_of},
     job::{Found, Job},
     machine::Machine,
     measure::{Judged, judge},
@@ -69,7 +69,7 @@ fn grid(args: &Args, networks: &Networks<'_>) -> Vec<Run> {
         query: loaded.model.query.is_some(),
         policy: loaded.model.policy.is_some(),
     });
-    runs(&args.axes(), &parts.collect::<Vec<_>>())
+    runs_of(&args.axes(), &parts.collect::<Vec<_>>())
 }
 
 /// One line of JSON: what a run is worth.

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use lgs_engine::densify::Limit;
 use lgs_train::stages::settings::Settings;
 
 use crate::stage_args::{Defaults, RenderingArgs, RunArgs};
@@ -21,6 +22,9 @@ pub(crate) struct FinetuneArgs {
     /// Score above which a primitive that stays gets a copy, 0 to 1
     #[arg(long, value_name = "X", default_value_t = 0.7)]
     pub(crate) theta_add: f32,
+    /// Most LiDAR Gaussians that are left, a number or a share of those before such as 70%: the rest goes by rank [default: no limit]
+    #[arg(long, value_name = "N|P%")]
+    pub(crate) max_gaussians: Option<Limit>,
     #[command(flatten)]
     pub(crate) rendering: RenderingArgs,
     #[command(flatten)]
@@ -31,6 +35,6 @@ impl FinetuneArgs {
     /// The settings of a new run.
     pub(crate) fn settings(&self) -> Settings {
         let settings = self.rendering.settings(self.run.optimisation(DEFAULTS));
-        Settings { thresholds: Some([self.theta_prune, self.theta_add]), ..settings }
+        Settings { thresholds: Some([self.theta_prune, self.theta_add]), max_gaussians: self.max_gaussians, ..settings }
     }
 }

@@ -146,6 +146,7 @@ impl RenderingArgs {
             velocity: self.velocity,
             psnr: self.psnr,
             thresholds: None,
+            max_gaussians: None,
         }
     }
 }
