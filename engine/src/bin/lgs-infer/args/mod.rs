@@ -89,8 +89,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
     pub(crate) theta_add: f32,
 
-    /// Largest number of LiDAR Gaussians after pruning and adding, or share of those before: the worst go first, then the
-    /// best copies come; needs a policy's scores [default: as many as the scores ask for]
+    /// Largest number of LiDAR Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: the worst go
+    /// first, then the best copies come; needs a policy's scores [default: as many as the scores ask for]
     #[arg(long, value_name = "N|P%")]
     pub(crate) max_gaussians: Option<Limit>,
 
