@@ -12,10 +12,14 @@ use lgs_formats::{
     sweep::{Sweep, write_sweep},
 };
 
-use super::{Drawing, Figures, HoldOut, Inputs, Reconstruction, Silent, Stage, Watch, evaluate_views, reconstruct};
+use super::{
+    Drawing, Figures, HoldOut, Inputs, NetworkSummary, OptimiseSettings, Reconstruction, Silent, Stage, Watch,
+    evaluate_views, optimise, reconstruct,
+};
 use crate::{
     error::{EngineError, Result},
-    gaussians::{background::Mode, physical::to_physical},
+    gaussians::{GaussianSet, LOGIT_COLOUR, background::Mode, physical::to_physical},
+    refine::{RefineSummary, Turns, adam::AdamRates},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -150,4 +154,29 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
     // nothing moves in this scene, so another moment looks the same
     assert!(measured.iter().zip(&moved).all(|(a, b)| a.2 == b.2));
     assert!(watch.times.get(Stage::Render) > 0.0 && watch.times.get(Stage::Evaluate) > 0.0);
+}
+
+#[test]
+fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let held = Held::open(place.path());
+    let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
+    let rates = |learned_steps: Option<usize>| {
+        let mut made = held.reconstruct();
+        let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
+        made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
+        let before = made.scene.clone();
+        let settings = OptimiseSettings { steps: 1, turns: Turns::default(), reduce: 1, until: None, step_s: 0.0 };
+        optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+        let colours = |scene: &GaussianSet| -> Vec<f32> {
+            scene.attributes.iter().flat_map(|row| row[LOGIT_COLOUR].to_vec()).collect()
+        };
+        let moved = colours(&before).into_iter().zip(colours(&made.scene)).map(|(a, b)| f64::from((a - b).abs()));
+        moved.fold(0.0, f64::max) / AdamRates::default().logit_colour
+    };
+    for (learned_steps, expected) in [(None, 1.0), (Some(0), 1.0), (Some(2), 0.245)] {
+        let found = rates(learned_steps);
+        assert!((found - expected).abs() < 0.01, "{learned_steps:?}: {found}");
+    }
 }
