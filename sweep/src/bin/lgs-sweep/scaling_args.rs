@@ -15,6 +15,7 @@ const OTHERS: [&str; 18] = [
     "theta",
     "max_gaussians",
     "background",
+    "also",
     "adam",
     "no_adam",
     "then_adam",
