@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_sweep::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 18] = [
+const OTHERS: [&str; 19] = [
     "clips",
     "refine_steps",
     "query",
