@@ -7,7 +7,7 @@ use lgs_formats::image::PixelLabel;
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
 use crate::loss::{LossWeights, image_loss, residual_image, velocity_loss};
-use crate::render::{RenderedWithState, backward_visible, blended_sums, render_for_gradient};
+use crate::render::{RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::{View, to_f32};
 
 /// Colour behind all Gaussians.
@@ -111,9 +111,10 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
             gradients.add(&state, &backward_visible(&splats, &view.pinhole, &state, &by_image), share);
         }
         if let Some(residual) = residual {
-            residuals.add(&state, &backward_visible(&splats, &view.pinhole, &state, &residual), 1.0);
             let maps = [counted_pixels(view), absolute(&residual.rgb)];
-            for (i, [weight, error]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
+            let (by_splat, sums) = backward_with_sums(&splats, &view.pinhole, &state, &residual, [&maps[0], &maps[1]]);
+            residuals.add(&state, &by_splat, 1.0);
+            for (i, [weight, error]) in state.visible().zip(sums) {
                 blended[i][0] += weight;
                 blended[i][1] += error;
             }

@@ -22,7 +22,7 @@ use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
 pub use lengths::{lengthen, step_lengths};
-pub use summary::{RefineSeconds, RefineSettings, RefineSummary};
+pub use summary::{LineSearch, Measured, RefineSeconds, RefineSettings, RefineSummary, Refined};
 pub use turns::Turns;
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
@@ -54,7 +54,7 @@ impl Pyramid {
 ///
 /// # Formula
 /// `g <- g + l r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches; l is 1, or for each Gaussian that of
-/// [`step_lengths`] where the model's config asks for it. Where every step looks at all views, a step
+/// [`step_lengths`] where the model's config asks for it and the settings do for that step. Where every step looks at all views, a step
 /// after which their loss has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than
 /// its start. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
 ///
@@ -70,25 +70,25 @@ pub fn refine(
     settings: impl Into<RefineSettings>,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
-    refine_and_show(set, views, model, settings, |_| progress())
+    Ok(refine_and_measure(set, views, model, settings, |_| progress())?.summary)
 }
 
-/// As [`refine`]; `show` is given the scene after every step that was kept.
+/// As [`refine`], with what was measured last; `show` is given the scene after every step that was kept.
 ///
 /// # Errors
 /// As [`refine`].
-pub fn refine_and_show(
+pub fn refine_and_measure(
     set: &mut GaussianSet,
     views: &[&View],
     model: &FoldedModel,
     settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
-) -> Result<RefineSummary> {
-    let RefineSettings { steps, turns, reduce, until } = settings.into();
+) -> Result<Refined> {
+    let RefineSettings { steps, turns, reduce, until, line_search, optimised_after } = settings.into();
     let mut summary = RefineSummary::default();
     let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
     if steps == 0 || views.is_empty() || set.is_empty() {
-        return Ok(summary);
+        return Ok(Refined::default());
     }
     set.check_finite()?;
     let reduced = at_factor(views, reduce);
@@ -117,13 +117,14 @@ pub fn refine_and_show(
             summary.stopped_early = true;
             break;
         }
-        if model.config.step_length == StepLength::Local {
+        if model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps) {
             let start = Instant::now();
             lengthen(set, &before, &step_lengths(&current.images, set, &chosen));
             summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
         if judged {
-            let next = if index + 1 < steps { wanted } else { Wanted::default() };
+            let last = Wanted { gradient: optimised_after, ..Wanted::default() };
+            let next = if index + 1 < steps { wanted } else { last };
             let after = measured(set, &chosen, next, &mut summary)?;
             // Written so that a loss that is not a number counts as no gain.
             let fell = after.loss < current.loss;
@@ -141,7 +142,9 @@ pub fn refine_and_show(
         }
     }
     summary.pyramids_kept = pyramids[0].reused;
-    Ok(summary)
+    let has_gradient = optimised_after && summary.steps == steps;
+    let measured = carried.filter(|_| has_gradient).map(|objective| Measured { objective, reduce });
+    Ok(Refined { summary, measured })
 }
 
 /// The objective, noted in the summary.

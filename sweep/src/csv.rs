@@ -2,7 +2,7 @@
 
 use super::{setting::word, table::Row};
 
-const HEAD: [&str; 28] = [
+const HEAD: [&str; 29] = [
     "clip",
     "name",
     "weights",
@@ -12,6 +12,7 @@ const HEAD: [&str; 28] = [
     "adam_steps",
     "refine_views",
     "refine_reduce",
+    "line_search",
     "query",
     "density",
     "theta",
@@ -72,6 +73,7 @@ fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
         refine.adam.to_string(),
         refine.views.map_or(String::new(), |views| views.to_string()),
         refine.reduce.to_string(),
+        of_network(&|_| word(&refine.line_search)),
         of_network(&|network| word(&network.query)),
         of_network(&|network| word(&network.density)),
         of_network(&|network| network.theta.to_string()),

@@ -5,6 +5,7 @@ use std::num::NonZeroUsize;
 use lgs_engine::{
     densify::{Density, Limit},
     gaussians::background::Mode,
+    refine::LineSearch,
 };
 
 use super::setting::{Network, Refine, Setting, Switch, THETA, Weights};
@@ -32,6 +33,8 @@ pub struct Axes {
     pub refine_views: Vec<Option<NonZeroUsize>>,
     /// How many times smaller in width and height the images are that a step looks at.
     pub refine_reduce: Vec<usize>,
+    /// Learned steps whose lengths are searched for.
+    pub line_search: Vec<LineSearch>,
 }
 
 /// Weights, and which of the optional parts their model has.
@@ -43,9 +46,12 @@ pub struct Parts {
     pub query: bool,
     /// Whether there is a policy.
     pub policy: bool,
+    /// Whether lengths of steps are searched for.
+    pub line_search: bool,
 }
 
-/// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation.
+/// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation. After
+/// learned steps, none is a run of its own: where some follow, the last learned one is measured with the gradient that the first of them takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// Which of the networks it uses; `None` for none.
@@ -78,11 +84,14 @@ pub fn runs_of(grids: &[Axes], models: &[Parts]) -> Vec<Run> {
 pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     let mut add = |index: Option<usize>, of: &dyn Fn(Refine) -> Setting, learned: &[usize], adam: &[usize]| {
+        let searches = index.is_some_and(|index| models[index].line_search);
         for &learned in learned {
-            for refines in refinements(axes, learned, adam) {
-                let run = Run { network: index, settings: refines.into_iter().map(of).collect() };
-                if !run.settings.is_empty() && !runs.contains(&run) {
-                    runs.push(run);
+            for line_search in line_searches(axes, searches, learned) {
+                for refines in refinements(axes, (learned, line_search), adam) {
+                    let run = Run { network: index, settings: refines.into_iter().map(of).collect() };
+                    if !run.settings.is_empty() && !runs.contains(&run) {
+                        runs.push(run);
+                    }
                 }
             }
         }
@@ -99,18 +108,30 @@ pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
     runs
 }
 
+/// The ways to search for the lengths of so many learned steps that differ.
+fn line_searches(axes: &Axes, searches: bool, learned: usize) -> Vec<LineSearch> {
+    let usual = |line_search: LineSearch| match (searches && learned > 0, learned, line_search) {
+        (false, ..) | (_, 1, LineSearch::Last) => LineSearch::Every,
+        (.., line_search) => line_search,
+    };
+    axes.line_search.iter().map(|&line_search| usual(line_search)).collect()
+}
+
 /// The refinements after so many learned steps, those of one run together.
-fn refinements(axes: &Axes, learned: usize, adam: &[usize]) -> Vec<Vec<Refine>> {
+fn refinements(axes: &Axes, (learned, line_search): (usize, LineSearch), adam: &[usize]) -> Vec<Vec<Refine>> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();
     marks.dedup();
-    let whole = Refine { learned, adam: 0, views: None, reduce: 1 };
+    let whole = Refine { learned, adam: 0, views: None, reduce: 1, line_search };
     let (mut all, mut unrefined) = (Vec::new(), (learned == 0 && marks.first() == Some(&0)).then_some(whole));
     for &views in &axes.refine_views {
         for &reduce in &axes.refine_reduce {
-            let refines = marks.iter().filter(|&&adam| learned + adam > 0);
-            let refines = refines.map(|&adam| Refine { learned, adam, views, reduce });
-            all.push(unrefined.take().into_iter().chain(refines).collect());
+            let of = |&adam: &usize| Refine { learned, adam, views, reduce, line_search };
+            let (none, some): (Vec<_>, Vec<_>) = marks.iter().map(of).partition(|refine| refine.adam == 0);
+            if learned > 0 {
+                all.push(none);
+            }
+            all.push(unrefined.take().into_iter().chain(some).collect());
         }
     }
     all
@@ -157,11 +178,12 @@ mod tests {
             then_adam: vec![0],
             refine_views: vec![None],
             refine_reduce: vec![1],
+            line_search: vec![LineSearch::Every],
         }
     }
 
     fn model(query: bool, policy: bool) -> Parts {
-        Parts { weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() }, query, policy }
+        Parts { weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() }, query, policy, line_search: true }
     }
 
     #[test]
@@ -202,12 +224,29 @@ mod tests {
         };
         let all = runs(&axes, &[model(true, false)]);
         let of = |reduce, steps: &[[usize; 2]]| -> Vec<Refine> {
-            steps.iter().map(|&[learned, adam]| Refine { learned, adam, views: None, reduce }).collect()
+            let line_search = LineSearch::Every;
+            steps.iter().map(|&[learned, adam]| Refine { learned, adam, views: None, reduce, line_search }).collect()
         };
         let found: Vec<Vec<Refine>> =
             all.iter().map(|run| run.settings.iter().map(|setting| setting.refine).collect()).collect();
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
         let unrefined_first = [of(1, &[[0, 0]]), of(1, &[[0, 10]])].concat();
-        assert_eq!(found, [unrefined_first, of(2, &[[0, 10]]), of(1, &[[3, 0], [3, 10]]), of(2, &[[3, 0], [3, 10]])]);
+        let learned = |reduce| [of(reduce, &[[3, 0]]), of(reduce, &[[3, 10]])];
+        assert_eq!(found, [vec![unrefined_first, of(2, &[[0, 10]])], [learned(1), learned(2)].concat()].concat());
+    }
+
+    #[test]
+    fn a_line_search_is_told_apart_where_there_are_steps_to_search_along() {
+        let axes = Axes {
+            background: vec![Mode::Auto],
+            refine_steps: vec![0, 1, 3],
+            query: vec![Switch::On],
+            density: vec![Density::Off],
+            adam: Vec::new(),
+            line_search: vec![LineSearch::Every, LineSearch::Last, LineSearch::Off],
+            ..axes()
+        };
+        let of = |line_search| runs(&axes, &[Parts { line_search, ..model(true, false) }]).len();
+        assert_eq!((of(true), of(false)), (1 + 2 + 3, 3));
     }
 }

@@ -167,6 +167,7 @@ impl Bench<'_> {
         let reduced = watch.time(Stage::Refine, |_| at_factor(&full, refine.reduce));
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
         let mut adam = Adam::new(made.scene.len(), made.adam(self.turns(refine)));
+        adam.begin_with(made.measured.take());
         let (before, network) = (made.seconds + start.elapsed().as_secs_f64(), watch.times.refine);
         let mut steps_s = 0.0;
         for done in 1..=refine.adam {
@@ -195,7 +196,13 @@ impl Bench<'_> {
         let refine = setting.refine;
         Ok(Some(NetworkSettings {
             model: &loaded.model,
-            refine: RefineSettings { turns: self.turns(refine), reduce: refine.reduce, ..refine.learned.into() },
+            refine: RefineSettings {
+                turns: self.turns(refine),
+                reduce: refine.reduce,
+                line_search: refine.line_search,
+                optimised_after: refine.adam > 0,
+                ..refine.learned.into()
+            },
             query: network.query == Switch::On,
             density: network.density,
             thresholds: Thresholds { prune: network.theta, add: network.theta },

@@ -34,6 +34,7 @@ impl Setting {
             adam_steps: self.refine.adam,
             refine_views: self.refine.views,
             refine_reduce: self.refine.reduce,
+            line_search: self.refine.line_search,
         })
     }
 }

@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use lgs_engine::{
     densify::{Density, Limit},
     gaussians::background::Mode,
+    refine::LineSearch,
 };
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +63,8 @@ pub struct Refine {
     pub views: Option<NonZeroUsize>,
     /// How many times smaller in width and height the images are that a step looks at.
     pub reduce: usize,
+    /// Learned steps whose lengths are searched for.
+    pub line_search: LineSearch,
 }
 
 /// One configuration of a reconstruction.
@@ -109,8 +112,9 @@ impl Setting {
     /// The words of `lgs-infer` that ask for it, `--weights` left out.
     pub fn flags(&self) -> Vec<String> {
         let mut flags = vec![format!("--background {}", word(&self.background))];
-        let Refine { learned, adam, views, reduce } = self.refine;
+        let Refine { learned, adam, views, reduce, line_search } = self.refine;
         flags.extend(self.network.is_some().then(|| format!("--refine-steps {learned}")));
+        flags.extend((!line_search.is_every()).then(|| format!("--line-search {}", word(&line_search))));
         flags.extend((adam > 0 || self.network.is_none()).then(|| format!("--refine-with adam:{adam}")));
         flags.extend(views.map(|views| format!("--refine-views {views}")));
         flags.extend((reduce > 1).then(|| format!("--refine-reduce {reduce}")));
@@ -129,9 +133,14 @@ impl Setting {
     pub fn name(&self) -> String {
         let mut parts = Vec::new();
         parts.extend(self.network.as_ref().map(|network| network.weights.name.clone()));
-        let Refine { learned, adam, views, reduce } = self.refine;
+        let Refine { learned, adam, views, reduce, line_search } = self.refine;
         let plural = if learned == 1 { "" } else { "s" };
         parts.extend(self.network.is_some().then(|| format!("{learned} step{plural}")));
+        match line_search {
+            LineSearch::Every => {}
+            LineSearch::Last => parts.push("line search in the last".to_owned()),
+            LineSearch::Off => parts.push("no line search".to_owned()),
+        }
         parts.extend((adam > 0 || self.network.is_none()).then(|| format!("Adam {adam}")));
         parts.extend(views.map(|views| format!("{views} views a step")));
         parts.extend((reduce > 1).then(|| format!("images 1/{reduce}")));

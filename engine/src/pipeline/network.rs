@@ -8,7 +8,7 @@ use crate::error::{EngineError, Result};
 use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
-use crate::refine::{RefineSettings, RefineSummary, refine};
+use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
 use crate::views::View;
 
 /// How the network is used.
@@ -50,6 +50,8 @@ pub struct NetworkRun {
     pub update: UpdateCounts,
     /// The policy's scores; `None` where there was no set update.
     pub density: Option<DensityMap>,
+    /// Loss and gradient of the refined scene, where they were asked for and are known.
+    pub measured: Option<Measured>,
 }
 
 /// Why there was no set update.
@@ -94,11 +96,11 @@ pub fn run_network(
         (update, density) = watch.stage(Stage::SetUpdate, 1, |_| update_set(scene, scores, settings))?;
     }
     drop(features);
-    let refine = watch.stage(Stage::Refine, settings.refine.steps, |progress| {
-        refine(scene, views, model, settings.refine, || progress.step(Stage::Refine))
+    let Refined { summary: refine, measured } = watch.stage(Stage::Refine, settings.refine.steps, |progress| {
+        refine_and_measure(scene, views, model, settings.refine, |_| progress.step(Stage::Refine))
     })?;
     watch.times.add_refine(refine.seconds);
-    Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density })
+    Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density, measured })
 }
 
 impl NetworkSettings<'_> {

@@ -7,7 +7,7 @@ use std::{
 
 use serde::Serialize;
 
-use super::{Flags, Inputs, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
+use super::{Flags, Inputs, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
 use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
@@ -18,7 +18,7 @@ use crate::{
     },
     points::{self, PointCloud},
     refine::{
-        RefineSummary, Turns,
+        Measured, RefineSummary, Turns,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
     render::{Pass, Probes},
@@ -54,6 +54,8 @@ pub struct Reconstruction {
     pub optimisation: Option<AdamSummary>,
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
+    /// Loss and gradient of the scene, where a refinement took them; what changes the scene takes them away.
+    pub measured: Option<Measured>,
     /// How the clip's depth maps were brought to metres; empty where none was used for the background.
     pub depth_maps: Vec<MapFit>,
     /// Seconds that it took, from the loaded inputs on.
@@ -139,16 +141,11 @@ impl Begun<'_, '_> {
             background: scene.len() - scene.num_lidar,
         };
         let seconds = start.elapsed().as_secs_f64();
-        let (network, density) = network.map(|run| (run.summary, run.density)).unzip();
-        Ok(Reconstruction {
-            scene,
-            counts,
-            network,
-            optimisation: None,
-            density: density.flatten(),
-            depth_maps,
-            seconds,
-        })
+        let (network, density, measured) = match network {
+            Some(NetworkRun { summary, density, measured, .. }) => (Some(summary), density, measured),
+            None => (None, None, None),
+        };
+        Ok(Reconstruction { scene, counts, network, optimisation: None, density, measured, depth_maps, seconds })
     }
 }
 
@@ -205,22 +202,27 @@ pub fn optimise(
     // A step draws the views once, as the learned refinement has.
     let refined = reconstruction.network.as_ref().map(|network| &network.refine);
     let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(step_s);
-    let adam = reconstruction.adam(turns);
+    let (adam, measured) = (reconstruction.adam(turns), reconstruction.measured.take());
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
         let full: Vec<&View> = inputs.views().iter().collect();
         let reduced = at_factor(&full, reduce);
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
         let mut adam = Adam::new(scene.len(), adam);
+        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && turns.take_all(views.len())));
         for _ in 0..steps {
-            let begun = Instant::now();
-            if until.is_some_and(|until| begun + Duration::from_secs_f64(step_s) > until) {
+            let (begun, draws) = (Instant::now(), adam.draws());
+            if until.is_some_and(|until| draws && begun + Duration::from_secs_f64(step_s) > until) {
                 break;
             }
-            Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+            if draws {
+                Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+            }
             adam.step(scene, &views);
             progress.step(Stage::Refine);
-            step_s = begun.elapsed().as_secs_f64();
+            if draws {
+                step_s = begun.elapsed().as_secs_f64();
+            }
         }
         Ok::<_, EngineError>(adam.into_summary())
     })?;

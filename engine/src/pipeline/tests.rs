@@ -19,7 +19,9 @@ use super::{
 use crate::{
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_COLOUR, background::Mode, physical::to_physical},
-    refine::{RefineSummary, Turns, adam::AdamRates},
+    loss::LossWeights,
+    objective::objective,
+    refine::{Measured, RefineSummary, Turns, adam::AdamRates},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -179,4 +181,32 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let found = rates(learned_steps);
         assert!((found - expected).abs() < 0.01, "{learned_steps:?}: {found}");
     }
+}
+
+#[test]
+fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let held = Held::open(place.path());
+    let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
+    let views: Vec<&View> = inputs.views().iter().collect();
+    let optimised = |measured_at: Option<usize>, reduce: usize| {
+        let mut made = held.reconstruct();
+        let objective = || objective(&made.scene, &views, &LossWeights::default());
+        made.measured = measured_at.map(|reduce| Measured { objective: objective(), reduce });
+        let settings = OptimiseSettings { steps: 2, turns: Turns::default(), reduce, until: None, step_s: 0.0 };
+        optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+        let summary = made.optimisation.unwrap();
+        (made.scene, summary.losses, made.measured.is_none())
+    };
+    assert_eq!(optimised(Some(1), 1), optimised(None, 1));
+    // What was measured at another size is no use.
+    assert_eq!(optimised(Some(1), 2), optimised(None, 2));
+    // Without time for a step that draws, one that does not is made all the same.
+    let mut made = held.reconstruct();
+    made.measured = Some(Measured { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
+    let until = Some(std::time::Instant::now());
+    let settings = OptimiseSettings { steps: 9, turns: Turns::default(), reduce: 1, until, step_s: 1.0 };
+    optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+    assert_eq!(made.optimisation.unwrap().losses.len(), 1);
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     densify::{Density, Limit},
     gaussians::background::Mode,
+    refine::LineSearch,
 };
 
 /// Which parts of the pipeline run, and how often.
@@ -32,6 +33,9 @@ pub struct Recipe {
     pub refine_views: Option<NonZeroUsize>,
     /// How many times smaller in width and height the images are that a step looks at.
     pub refine_reduce: usize,
+    /// Learned steps whose lengths are searched for.
+    #[serde(default, skip_serializing_if = "LineSearch::is_every")]
+    pub line_search: LineSearch,
 }
 
 impl Default for Recipe {
@@ -47,6 +51,7 @@ impl Default for Recipe {
             adam_steps: 0,
             refine_views: None,
             refine_reduce: 1,
+            line_search: LineSearch::Every,
         }
     }
 }
@@ -65,6 +70,7 @@ impl Recipe {
             flags.push(format!("--density {}", word(&self.density)));
             flags.extend(self.max_gaussians.map(|limit| format!("--max-gaussians {limit}")));
             flags.push(format!("--refine-steps {}", self.refine_steps));
+            flags.extend((!self.line_search.is_every()).then(|| format!("--line-search {}", word(&self.line_search))));
         } else {
             flags.push("--weights none".to_owned());
         }
@@ -92,5 +98,7 @@ mod tests {
         assert_eq!(usual.flags(), "--background auto --query on --density policy --refine-steps 3");
         let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
         assert_eq!(adam.flags(), "--background gaps --weights none --refine-with adam:30 --refine-reduce 2");
+        let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
+        assert!(quicker.flags().ends_with(" --refine-steps 3 --line-search last --refine-with adam:2"));
     }
 }

@@ -4,7 +4,7 @@ mod rates;
 
 use rayon::prelude::*;
 
-use super::{RefineSeconds, silence, turns::Turns};
+use super::{Measured, RefineSeconds, silence, turns::Turns};
 use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::loss::LossWeights;
 use crate::objective::objective;
@@ -63,6 +63,8 @@ pub struct Adam {
     settings: AdamSettings,
     /// `[N, 17, 2]` first and second moments.
     moments: Vec<[[f32; 2]; VARIABLES]>,
+    /// Loss and gradient of the scene as it is, where they are known.
+    measured: Option<Measured>,
     summary: AdamSummary,
 }
 
@@ -70,17 +72,32 @@ impl Adam {
     /// An optimisation of `num_gaussians` that has not begun.
     pub fn new(num_gaussians: usize, settings: AdamSettings) -> Self {
         let moments = vec![[[0.0; 2]; VARIABLES]; num_gaussians];
-        Self { settings, moments, summary: AdamSummary::default() }
+        Self { settings, moments, measured: None, summary: AdamSummary::default() }
+    }
+
+    /// Takes the next step by loss and gradient of the scene that are known already: those over the views that it would look at.
+    pub fn begin_with(&mut self, measured: Option<Measured>) {
+        self.measured = measured;
+    }
+
+    /// Whether the next step draws the views.
+    pub const fn draws(&self) -> bool {
+        self.measured.is_none()
     }
 
     /// The loss before the step over the views that it looked at; moves both branches, and the velocities of the `LiDAR` branch.
     pub fn step(&mut self, set: &mut GaussianSet, views: &[&View]) -> f64 {
         let done = self.summary.losses.len();
-        let chosen = self.settings.turns.of_step(done, views);
-        let mut current = objective(set, &chosen, &LossWeights::default());
+        let mut current = match self.measured.take() {
+            Some(measured) => measured.objective,
+            None => {
+                let found = objective(set, &self.settings.turns.of_step(done, views), &LossWeights::default());
+                self.summary.seconds.render += found.seconds.render;
+                self.summary.seconds.loss += found.seconds.loss;
+                found
+            }
+        };
         self.summary.non_finite_gradients += silence(&mut current.gradient);
-        self.summary.seconds.render += current.seconds.render;
-        self.summary.seconds.loss += current.seconds.loss;
         self.summary.losses.push(current.loss);
         let rates = self.settings.rates.by_variable();
         let pace = Pace::of_step(done, self.settings.gentle);

@@ -3,6 +3,36 @@
 use std::time::Instant;
 
 use super::Turns;
+use crate::objective::Objective;
+
+/// After which learned steps every Gaussian's length of the step is searched for, where the model's config asks for that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum LineSearch {
+    /// Every one.
+    #[default]
+    Every,
+    /// The last alone: what follows mends most of what the others would have gained.
+    Last,
+    /// None: a step is as long as the network says.
+    Off,
+}
+
+impl LineSearch {
+    /// Whether it is as usual.
+    pub fn is_every(&self) -> bool {
+        *self == Self::Every
+    }
+
+    /// Whether a step is searched along that is the last one or is not.
+    pub const fn takes(self, is_last: bool) -> bool {
+        match self {
+            Self::Every => true,
+            Self::Last => is_last,
+            Self::Off => false,
+        }
+    }
+}
 
 /// How far a refinement goes, and what its steps look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,13 +45,42 @@ pub struct RefineSettings {
     pub reduce: usize,
     /// No step begins, after the first, that would probably end later than this; `None` for no limit.
     pub until: Option<Instant>,
+    /// Steps after which lengths are searched for.
+    pub line_search: LineSearch,
+    /// Whether per-scene optimisation follows: then the last measurement takes the gradient of the loss too, where there is one.
+    pub optimised_after: bool,
 }
 
 impl From<usize> for RefineSettings {
     /// So many steps over all of the views.
     fn from(steps: usize) -> Self {
-        Self { steps, turns: Turns::default(), reduce: 1, until: None }
+        Self {
+            steps,
+            turns: Turns::default(),
+            reduce: 1,
+            until: None,
+            line_search: LineSearch::Every,
+            optimised_after: false,
+        }
     }
+}
+
+/// What came of a refinement beside the scene.
+#[derive(Clone, Debug, Default)]
+pub struct Refined {
+    /// What it did.
+    pub summary: RefineSummary,
+    /// Loss and gradient of the refined scene; `None` where nobody asked, or the last step was not measured or was taken back.
+    pub measured: Option<Measured>,
+}
+
+/// Loss and gradient of a scene over all views.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// They.
+    pub objective: Objective,
+    /// How many times smaller in width and height the images were.
+    pub reduce: usize,
 }
 
 /// What a refinement did, and what it left out because the scene did not need it.

@@ -10,11 +10,11 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
-use super::forward::{PLANES, STOP, TRANSMITTANCE};
+use super::forward::TRANSMITTANCE;
 use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
 use super::tiles::TileLists;
-use super::{ImageGradient, Rendered};
+use super::{ImageGradient, MAPS, Rendered, RenderedWithState};
 
 /// Sums over pixels: `g`, `g dy`, `g dy^2`, `g u`, `g u dy`, `g u^2`, and `w` times the gradients of red, green, blue, depth.
 pub(super) const MOMENTS: usize = 10;
@@ -24,31 +24,32 @@ pub(super) type Moments = [f32; MOMENTS];
 /// Gradients of the four drawn channels, then the sum behind, then the transmittance.
 const STATE_PLANES: usize = 6;
 
-/// Moments of every intersection, in the order of `lists.entries`.
-pub(super) fn moments(
-    lists: &TileLists,
-    tiles: &[f32],
-    images: &Rendered,
+/// Moments of every intersection, in the order of `lists.entries`, and the sums of M maps `[H, W]` under its blending weights.
+pub(super) fn moments<const M: usize>(
+    state: &RenderedWithState,
     gradient: &ImageGradient,
-    background: [f32; 3],
-) -> Vec<Moments> {
+    maps: [&[f32]; M],
+) -> (Vec<Moments>, Vec<[f32; M]>) {
+    const { assert!(M <= MAPS, "the planes of a tile hold that many maps") };
+    let lists = &state.lists;
     let mut all = vec![[0.0_f32; MOMENTS]; lists.entries.len()];
+    let mut sums = vec![[0.0_f32; M]; lists.entries.len()];
     let arch = pulp::Arch::new();
-    let per_tile = split_by_tile(&mut all, &lists.first_entry);
-    per_tile.into_par_iter().enumerate().for_each(|(tile, out)| {
-        if out.is_empty() {
-            return;
-        }
-        let mut state = [0.0_f32; STATE_PLANES * TILE_PIXELS];
-        let planes = &tiles[tile * PLANES * TILE_PIXELS..(tile + 1) * PLANES * TILE_PIXELS];
-        load_state(&mut state, planes, lists.grid.origin(tile), images, gradient, background);
-        let stops = &planes[STOP * TILE_PIXELS..];
-        arch.dispatch(TileMoments { lists, tile, stops, state: &mut state, out });
+    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().zip(by_tile(&mut sums, &lists.first_entry));
+    per_tile.enumerate().filter(|(_, (out, _))| !out.is_empty()).for_each(|(tile, (out, sums))| {
+        let mut room = [0.0_f32; (STATE_PLANES + MAPS) * TILE_PIXELS];
+        let (planes, map_planes) = room[..(STATE_PLANES + M) * TILE_PIXELS].split_at_mut(STATE_PLANES * TILE_PIXELS);
+        let origin = lists.grid.origin(tile);
+        load_state(planes, state.planes_of(tile), origin, &state.images, gradient, state.background);
+        load_maps(map_planes, &maps, [state.images.width, state.images.height], origin);
+        let stops = state.stops_of(tile);
+        arch.dispatch(TileMoments { lists, tile, stops, state: planes, maps: map_planes, out, sums });
     });
-    all
+    (all, sums)
 }
 
-fn split_by_tile<'a>(all: &'a mut [Moments], first_entry: &[u32]) -> Vec<&'a mut [Moments]> {
+/// The part of `all` that belongs to each tile.
+pub(super) fn by_tile<'a, T>(all: &'a mut [T], first_entry: &[u32]) -> Vec<&'a mut [T]> {
     let mut rest = all;
     first_entry
         .windows(2)
@@ -58,6 +59,17 @@ fn split_by_tile<'a>(all: &'a mut [Moments], first_entry: &[u32]) -> Vec<&'a mut
             head
         })
         .collect()
+}
+
+/// Fills planes with the part of each map `[H, W]` that the tile covers.
+pub(super) fn load_maps(planes: &mut [f32], maps: &[&[f32]], [width, height]: [usize; 2], origin: [usize; 2]) {
+    for (map, plane) in maps.iter().zip(planes.chunks_exact_mut(TILE_PIXELS)) {
+        for y in 0..TILE_HEIGHT.min(height - origin[1]) {
+            let from = (origin[1] + y) * width + origin[0];
+            let len = TILE_WIDTH.min(width - origin[0]);
+            plane[y * TILE_WIDTH..][..len].copy_from_slice(&map[from..from + len]);
+        }
+    }
 }
 
 /// Fills the tile's planes with the pixel gradients, the sum behind the last Gaussian and the final transmittance.
@@ -94,33 +106,44 @@ fn load_state(
     }
 }
 
-struct TileMoments<'a> {
+struct TileMoments<'a, const M: usize> {
     lists: &'a TileLists,
     tile: usize,
     stops: &'a [f32],
     state: &'a mut [f32],
+    maps: &'a [f32],
     out: &'a mut [Moments],
+    sums: &'a mut [[f32; M]],
 }
 
-impl WithSimd for TileMoments<'_> {
+impl<const M: usize> WithSimd for TileMoments<'_, M> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lists, tile, stops, state, out } = self;
+        let Self { lists, tile, stops, state, maps, out, sums } = self;
         let origin = lists.grid.origin(tile);
         let broadcast = Broadcast::new(simd);
         let state = S::as_mut_simd_f32s(state).0;
-        let stops = S::as_simd_f32s(stops).0;
+        let (maps, stops) = (S::as_simd_f32s(maps).0, S::as_simd_f32s(stops).0);
         let last = last_position(simd, stops);
+        let mut planes = Planes { state, maps, stops };
         for (position, &entry) in lists.entries_of(tile).iter().enumerate().rev() {
             if position as f32 >= last {
                 continue;
             }
             let footprint = &lists.footprints[entry as usize];
-            out[position] = unblend(simd, &broadcast, (&mut *state, stops), footprint, &origin, position as f32);
+            (out[position], sums[position]) =
+                unblend(simd, &broadcast, &mut planes, footprint, &origin, position as f32);
         }
     }
+}
+
+/// A tile: what is known of its pixels so far, the maps, and the list position that ended each pixel.
+struct Planes<'a, V> {
+    state: &'a mut [V],
+    maps: &'a [V],
+    stops: &'a [V],
 }
 
 /// The position at which the last pixel of the tile ended; infinity when one did not.
@@ -130,16 +153,17 @@ fn last_position<S: Simd>(simd: S, stops: &[S::f32s]) -> f32 {
     simd.reduce_max_f32s(largest)
 }
 
-/// The moments of one Gaussian over the tile; moves the tile's state in front of it.
+/// The moments of one Gaussian over the tile, and the sums of the maps under its weights; moves the tile's state in front of it.
 #[inline(always)]
-fn unblend<S: Simd>(
+fn unblend<S: Simd, const M: usize>(
     simd: S,
     broadcast: &Broadcast<S>,
-    (state, stops): (&mut [S::f32s], &[S::f32s]),
+    planes: &mut Planes<'_, S::f32s>,
     f: &Footprint,
     origin: &[usize; 2],
     position: f32,
-) -> Moments {
+) -> (Moments, [f32; M]) {
+    let Planes { state, maps, stops } = planes;
     let per_plane = TILE_PIXELS / S::F32_LANES;
     let per_row = TILE_WIDTH / S::F32_LANES;
     let colour = f.colour.map(|c| simd.splat_f32s(c));
@@ -151,7 +175,7 @@ fn unblend<S: Simd>(
     let (v_blue, rest) = rest.split_at_mut(per_plane);
     let (v_depth, rest) = rest.split_at_mut(per_plane);
     let (behind, transmittance) = rest.split_at_mut(per_plane);
-    let mut sums = [zero; MOMENTS];
+    let (mut sums, mut under) = ([zero; MOMENTS], [zero; M]);
     for row in f.rows_in(origin[1]) {
         let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
         let (mut row_g, mut row_gu) = (zero, zero);
@@ -180,6 +204,9 @@ fn unblend<S: Simd>(
             sums[7] = simd.mul_add_f32s(w, vg, sums[7]);
             sums[8] = simd.mul_add_f32s(w, vb, sums[8]);
             sums[9] = simd.mul_add_f32s(w, vd, sums[9]);
+            for (map, sum) in under.iter_mut().enumerate() {
+                *sum = simd.mul_add_f32s(w, maps[map * per_plane + i], *sum);
+            }
         }
         let dy = simd.splat_f32s(span.dy);
         let row_gdy = simd.mul_f32s(row_g, dy);
@@ -190,9 +217,9 @@ fn unblend<S: Simd>(
         sums[4] = simd.mul_add_f32s(row_gu, dy, sums[4]);
     }
     // A loop, not `map`: its closure would stand outside the vectorised function.
-    let mut moments = [0.0; MOMENTS];
-    for (moment, sum) in moments.iter_mut().zip(sums) {
+    let (mut moments, mut maps) = ([0.0; MOMENTS], [0.0; M]);
+    for (moment, sum) in moments.iter_mut().chain(&mut maps).zip(sums.into_iter().chain(under)) {
         *moment = simd.reduce_sum_f32s(sum);
     }
-    moments
+    (moments, maps)
 }

@@ -4,7 +4,8 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::RenderedWithState;
-use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::backward::{by_tile, load_maps};
+use super::constants::{TILE_PIXELS, TILE_WIDTH};
 use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
 use super::tiles::TileLists;
@@ -21,8 +22,11 @@ pub const MAPS: usize = 6;
 /// `sum_p w_i(p) m(p)`, `w_i = alpha_i T_i` as [`render`](super::render) blends: per tile in f32, over the tiles in f64.
 pub fn blended_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f64; M]> {
     const { assert!(M <= MAPS, "the planes of a tile hold that many maps") };
-    let lists = &state.lists;
-    let by_entry = entry_sums::<M>(state, maps);
+    over_tiles(&state.lists, &entry_sums::<M>(state, maps))
+}
+
+/// Sums over the tiles of each visible Gaussian.
+pub(super) fn over_tiles<const M: usize>(lists: &TileLists, by_entry: &[[f32; M]]) -> Vec<[f64; M]> {
     let of_visible = |visible: usize| {
         let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
         let mut sums = [0.0; M];
@@ -38,36 +42,18 @@ pub fn blended_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) 
 fn entry_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f32; M]> {
     let lists = &state.lists;
     let mut all = vec![[0.0_f32; M]; lists.entries.len()];
-    let mut rest = all.as_mut_slice();
-    let mut per_tile = Vec::with_capacity(lists.grid.num_tiles());
-    for pair in lists.first_entry.windows(2) {
-        let (head, tail) = std::mem::take(&mut rest).split_at_mut((pair[1] - pair[0]) as usize);
-        per_tile.push(head);
-        rest = tail;
-    }
     let arch = pulp::Arch::new();
-    per_tile.into_par_iter().enumerate().filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
+    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().enumerate();
+    per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
         let mut planes = [0.0_f32; (MAPS + 1) * TILE_PIXELS];
         let planes = &mut planes[..(M + 1) * TILE_PIXELS];
-        load(planes, state, maps, lists.grid.origin(tile));
+        let (map_planes, transmittance) = planes.split_at_mut(M * TILE_PIXELS);
+        load_maps(map_planes, maps, [state.images.width, state.images.height], lists.grid.origin(tile));
+        transmittance.fill(1.0);
         let stops = state.stops_of(tile);
         arch.dispatch(TileSums { lists, tile, stops, planes, out });
     });
     all
-}
-
-/// Fills the tile's planes with the maps, and the last one with the transmittance in front of everything.
-fn load(planes: &mut [f32], state: &RenderedWithState, maps: &[&[f32]], origin: [usize; 2]) {
-    let (width, height) = (state.images.width, state.images.height);
-    for (map, plane) in maps.iter().zip(planes.chunks_exact_mut(TILE_PIXELS)) {
-        for y in 0..TILE_HEIGHT.min(height - origin[1]) {
-            let from = (origin[1] + y) * width + origin[0];
-            let len = TILE_WIDTH.min(width - origin[0]);
-            plane[y * TILE_WIDTH..][..len].copy_from_slice(&map[from..from + len]);
-        }
-    }
-    let last = planes.len() - TILE_PIXELS;
-    planes[last..].fill(1.0);
 }
 
 struct TileSums<'a, const M: usize> {
@@ -141,7 +127,7 @@ fn gather<S: Simd, const M: usize>(
 mod tests {
     use super::*;
     use crate::gaussians::physical::Splat;
-    use crate::render::{ImageGradient, backward, render_for_gradient};
+    use crate::render::{ImageGradient, backward, backward_with_sums, render_for_gradient};
     use crate::views::samples::ahead;
 
     /// The gradient by a colour is the sum of the image's gradient under the blending weights.
@@ -165,11 +151,21 @@ mod tests {
         for group in 0..2 {
             let of = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);
             let rgb = (0..50 * 37).flat_map(|p| [of(p, 0), of(p, 1), of(p, 2)]).collect();
-            let want = backward(&splats, &view, &state, &ImageGradient { rgb, ..ImageGradient::default() });
+            let gradient = ImageGradient { rgb, ..ImageGradient::default() };
+            let want = backward(&splats, &view, &state, &gradient);
             for (i, sums) in state.visible().zip(&got) {
                 for (k, sum) in sums[3 * group..3 * group + 3].iter().enumerate() {
                     let want = f64::from(want[i].colour[k]);
                     assert!((sum - want).abs() < 1e-4 * (1.0 + want.abs()), "map {k} Gaussian {i}: {sum} {want}");
+                }
+            }
+            // On the way of the gradient the same sums are found, and the gradient is the same to the bit.
+            let maps = [refs[0], refs[3 * group]];
+            let (by_splat, sums) = backward_with_sums(&splats, &view, &state, &gradient, maps);
+            for (((i, by_splat), sums), got) in state.visible().zip(by_splat).zip(sums).zip(&got) {
+                assert_eq!(by_splat, want[i]);
+                for (sum, want) in sums.iter().zip([got[0], got[3 * group]]) {
+                    assert!((sum - want).abs() < 1e-4 * (1.0 + want.abs()), "Gaussian {i}: {sum} {want}");
                 }
             }
         }

@@ -101,10 +101,15 @@ impl RenderedWithState {
         self.lists.footprints.iter().map(|footprint| footprint.index as usize)
     }
 
+    /// What compositing left of a tile.
+    fn planes_of(&self, tile: usize) -> &[f32] {
+        let planes = PLANES * TILE_PIXELS;
+        &self.tiles[tile * planes..(tile + 1) * planes]
+    }
+
     /// List position that ended each pixel of a tile.
     fn stops_of(&self, tile: usize) -> &[f32] {
-        let planes = PLANES * TILE_PIXELS;
-        &self.tiles[tile * planes + STOP * TILE_PIXELS..(tile + 1) * planes]
+        &self.planes_of(tile)[STOP * TILE_PIXELS..]
     }
 
     /// Number of pairs of a Gaussian and a tile that it can reach.
@@ -161,6 +166,20 @@ pub fn backward_visible(
     state: &RenderedWithState,
     gradient: &ImageGradient,
 ) -> Vec<SplatGradient> {
-    let moments = backward::moments(&state.lists, &state.tiles, &state.images, gradient, state.background);
-    project_backward::gradients(splats, view, &state.lists, &moments)
+    backward_with_sums(splats, view, state, gradient, []).0
+}
+
+/// As [`backward_visible`], and the sums of M of [`MAPS`] maps that [`blended_sums`] tells, on the same way over the tiles.
+///
+/// # Shapes
+/// `maps` of `[H, W]`; results `[num_visible]` and `[num_visible, M]`.
+pub fn backward_with_sums<const M: usize>(
+    splats: &[Splat],
+    view: &PinholeView,
+    state: &RenderedWithState,
+    gradient: &ImageGradient,
+    maps: [&[f32]; M],
+) -> (Vec<SplatGradient>, Vec<[f64; M]>) {
+    let (moments, sums) = backward::moments(state, gradient, maps);
+    (project_backward::gradients(splats, view, &state.lists, &moments), blended::over_tiles(&state.lists, &sums))
 }

@@ -11,7 +11,7 @@ use crate::{
     },
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
-    refine::adam::AdamSummary,
+    refine::{LineSearch, adam::AdamSummary},
     views::Role,
 };
 
@@ -97,6 +97,8 @@ pub struct Config {
     pub refine_views: Option<usize>,
     /// How many times smaller the images of the refinement were; `None` where nobody refined.
     pub refine_reduce: Option<usize>,
+    /// Learned steps whose lengths were searched for, where the model does that; `None` where there was none.
+    pub line_search: Option<LineSearch>,
     /// Whether the Cross-Time Point Query was asked for; `None` without a network.
     pub query: Option<bool>,
     /// Who pruned and added; `None` without a network.

@@ -66,7 +66,10 @@ fn expect_recipe(page: &Value, recipe: &Value) -> Outcome {
         (0, true) => json!("learned"),
         _ => json!(format!("adam:{adam}")),
     };
-    expect("refine_with", &config["refine_with"], &refiner)
+    expect("refine_with", &config["refine_with"], &refiner)?;
+    let learned = network && recipe["refine_steps"] != 0;
+    let search = if learned { recipe.get("line_search").cloned().unwrap_or(json!("every")) } else { Value::Null };
+    expect("line_search", &config["line_search"], &search)
 }
 
 fn preset() -> Outcome {
@@ -106,7 +109,8 @@ fn ample_time() -> Outcome {
     let text = |key: &str| recipe[key].as_str().unwrap_or_default();
     let mut flags = vec!["--background", text("background"), "--refine-with", &adam, "--query", on_off("query")];
     if recipe["network"] == true {
-        flags.extend(["--refine-steps", &steps, "--density", text("density")]);
+        let search = recipe["line_search"].as_str().unwrap_or("every");
+        flags.extend(["--refine-steps", &steps, "--line-search", search, "--density", text("density")]);
     } else {
         flags.extend(["--weights", "none"]);
     }

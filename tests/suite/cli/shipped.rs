@@ -13,6 +13,7 @@ pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("cli::shipped::the_card_is_of_the_file", the_card_is_of_the_file),
         case("cli::shipped::tiny_means_the_file_or_is_refused", tiny_means_the_file),
+        case("cli::shipped::a_line_search_of_the_last_step_is_that_of_one_step_alone", line_searches),
     ]
 }
 
@@ -60,4 +61,33 @@ fn tiny_means_the_file() -> Outcome {
     named.expect_success()?;
     let digest = load_model(&places::repository().join(shipped::FILE)).map_err(|e| e.to_string())?.digest;
     if used == digest.as_str() { Ok(()) } else { Err(format!("used {used}, want {digest}").into()) }
+}
+
+fn line_searches() -> Outcome {
+    if shipped::BYTES.is_none() {
+        return Ok(());
+    }
+    let place = tempfile::tempdir()?;
+    let street = clips::street();
+    let psnr = |steps: &str, search: &str| -> Result<f64, libtest_mimic::Failed> {
+        let mut arguments = vec![street.as_os_str()];
+        let flags =
+            ["--out", "out", "--image-size", "48x80", "--frames", "0..2", "--hold-out", "1", "--views", "held-out"];
+        let more = ["--density", "off", "--refine-steps", steps, "--line-search", search];
+        arguments.extend(flags.iter().chain(&more).map(|flag| flag.as_ref() as &std::ffi::OsStr));
+        run(&binary("lgs-infer")?, &arguments, place.path())?.expect_success()?;
+        let page = metrics::read(&place.path().join("out"))?;
+        if page["config"]["line_search"] != search {
+            return Err(format!("config.line_search {}, want {search}", page["config"]["line_search"]).into());
+        }
+        Ok(metrics::number(&page, &["mean", "held_out", "psnr"])?)
+    };
+    let of = |steps: &str| -> Result<[f64; 3], libtest_mimic::Failed> {
+        Ok([psnr(steps, "every")?, psnr(steps, "last")?, psnr(steps, "off")?])
+    };
+    let ([every, last, off], [of_every, of_last, of_off]) = (of("1")?, of("2")?);
+    if every != last || every <= off || of_every == of_last || of_last <= of_off {
+        return Err(format!("one step: {every}, {last}, {off} dB; two: {of_every}, {of_last}, {of_off} dB").into());
+    }
+    Ok(())
 }

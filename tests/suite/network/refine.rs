@@ -5,7 +5,7 @@ use lgs_engine::network::buffers::Buffers;
 use lgs_engine::objective::objective;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::predict::{QuerySkipped, backbone, query};
-use lgs_engine::refine::{RefineSummary, refine};
+use lgs_engine::refine::{RefineSettings, RefineSummary, Refined, refine, refine_and_measure};
 use lgs_engine::views::View;
 use lgs_tests::compare::same_bits;
 use lgs_tests::random::Random;
@@ -24,6 +24,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("network::refine::pyramids_are_made_again_when_something_moved", pyramids_are_made_again),
         case("network::refine::what_no_view_shows_stays_and_matters_to_nobody", unseen_ones_stay),
         case("network::refine::a_step_that_does_not_help_is_taken_back_and_the_last", early_stop),
+        case("network::refine::what_follows_gets_loss_and_gradient_of_the_result", measured_for_what_follows),
         case("network::refine::zero_heads_end_it_without_a_second_look", zero_heads),
         case("network::refine::nothing_to_do", nothing_to_do),
         case("network::refine::same_bits_for_any_number_of_threads", same_for_any_threads),
@@ -147,6 +148,33 @@ fn early_stop() -> Outcome {
     same_sets(&stopped, &start)?;
     let loss = objective(&stopped, &[&view], &lgs_engine::loss::LossWeights::default()).loss;
     expect("the loss of the result", loss == summary.losses[0], &summary)
+}
+
+/// The gradient is that of the refined scene, where the last step was kept.
+fn measured_for_what_follows() -> Outcome {
+    let [better, worse] = better_and_worse(SMALL_STEP)?;
+    let run = |weights: &Weights, steps: usize, optimised_after: bool| -> Result<(GaussianSet, Refined), Failed> {
+        let (mut set, view) = start();
+        let settings = RefineSettings { optimised_after, ..steps.into() };
+        let refined = refine_and_measure(&mut set, &[&view], &weights.model()?, settings, |_| ()).map_err(failed)?;
+        Ok((set, refined))
+    };
+    for steps in [1, 2] {
+        let (set, refined) = run(&better, steps, true)?;
+        same_sets(&set, &run(&better, steps, false)?.0)?;
+        let want = objective(&set, &[&start().1], &lgs_engine::loss::LossWeights::default());
+        let found = refined.measured.ok_or_else(|| format!("{steps} steps: expected a measurement"))?;
+        if found.reduce != 1 || found.objective.loss != want.loss {
+            return Err(format!("loss {} at 1/{}, want {}", found.objective.loss, found.reduce, want.loss).into());
+        }
+        let rows = |gradient: &[[f32; 14]]| gradient.as_flattened().to_vec();
+        same_bits("gradient", &rows(&found.objective.gradient.attributes), &rows(&want.gradient.attributes))?;
+    }
+    for (weights, steps, after) in [(&worse, 1, true), (&better, 2, false), (&better, 0, true)] {
+        let (_, refined) = run(weights, steps, after)?;
+        expect("no measurement", refined.measured.is_none(), &refined.summary)?;
+    }
+    Ok(())
 }
 
 fn zero_heads() -> Outcome {

@@ -10,7 +10,7 @@ use lgs_engine::{
     refine::{
         Turns,
         adam::{Adam, AdamSettings},
-        refine_and_show,
+        refine_and_measure,
     },
 };
 
@@ -150,7 +150,7 @@ impl Bench<'_> {
         let (mut scene, mut kept) = (from.clone(), from.clone());
         let mut points = vec![self.point(from, 0, None, 0.0)?];
         let (begun, mut paused, mut failed) = (Instant::now(), 0.0, None);
-        let summary = refine_and_show(&mut scene, &self.subject.views(), self.model, steps, |scene| {
+        let refined = refine_and_measure(&mut scene, &self.subject.views(), self.model, steps, |scene| {
             let seconds = begun.elapsed().as_secs_f64();
             match self.point(scene, points.len(), None, seconds - paused) {
                 Ok(point) => points.push(point),
@@ -165,7 +165,7 @@ impl Bench<'_> {
         if let Some(error) = failed {
             return Err(error);
         }
-        for (point, loss) in points.iter_mut().zip(summary.losses) {
+        for (point, loss) in points.iter_mut().zip(refined.summary.losses) {
             point.loss = Some(loss);
         }
         Ok((points, kept))

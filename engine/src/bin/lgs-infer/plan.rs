@@ -7,6 +7,7 @@ use lgs_engine::{
     network::source::ModelSource,
     pipeline::{Begun, Reconstruction, Stage, Watch},
     plan::{Budget, ClipWork, Recipe, Record, choose},
+    refine::{LineSearch, RefineSettings, Turns},
     report::BudgetRecord,
     views::View,
 };
@@ -24,6 +25,13 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
+    /// The learned refinement.
+    pub(crate) fn refinement(&self, turns: Turns) -> RefineSettings {
+        let Recipe { refine_steps: steps, refine_reduce: reduce, line_search, .. } = self.recipe;
+        let optimised_after = self.most_adam_steps() > 0;
+        RefineSettings { steps, turns, reduce, until: self.until, line_search, optimised_after }
+    }
+
     /// Steps of per-scene optimisation, those that only time decides on included.
     pub(crate) fn most_adam_steps(&self) -> usize {
         self.budget.as_ref().map_or(self.recipe.adam_steps, |budget| budget.chosen.most_adam_steps)
@@ -43,6 +51,10 @@ impl Plan {
         if let Some(refine) =
             made.network.as_ref().map(|network| &network.refine).filter(|refine| !refine.stopped_early)
         {
+            // Of steps that time cut short, none was the last.
+            if refine.steps < self.recipe.refine_steps && self.recipe.line_search == LineSearch::Last {
+                self.recipe.line_search = LineSearch::Off;
+            }
             self.recipe.refine_steps = refine.steps;
         }
         budget.chosen.recipe = self.recipe;

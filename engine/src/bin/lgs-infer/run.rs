@@ -18,7 +18,7 @@ use lgs_engine::{
         check_memory, evaluate_views, optimise,
     },
     plan::Recipe,
-    refine::{RefineSettings, Turns},
+    refine::Turns,
     report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -75,7 +75,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let reduce = recipe.refine_reduce;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
-        refine: RefineSettings { steps: recipe.refine_steps, turns, reduce, until },
+        refine: plan.refinement(turns),
         query: recipe.query,
         density: recipe.density,
         thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
@@ -233,6 +233,7 @@ impl<'a> Job<'a> {
             refine_steps: recipe.network.then_some(recipe.refine_steps),
             refine_views: recipe.refine_views.filter(|_| recipe.refines()).map(NonZeroUsize::get),
             refine_reduce: recipe.refines().then_some(recipe.refine_reduce),
+            line_search: (recipe.network && recipe.refine_steps > 0).then_some(recipe.line_search),
             query: recipe.network.then_some(recipe.query),
             density: recipe.network.then_some(recipe.density),
             theta_prune: recipe.network.then_some(self.args.theta_prune),

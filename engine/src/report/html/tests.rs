@@ -28,6 +28,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             refine_steps: None,
             refine_views: None,
             refine_reduce: None,
+            line_search: None,
             query: None,
             density: None,
             theta_prune: None,

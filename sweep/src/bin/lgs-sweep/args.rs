@@ -135,6 +135,7 @@ mod tests {
     use lgs_engine::{
         densify::{Density, Limit},
         gaussians::background::Mode,
+        refine::LineSearch,
     };
     use lgs_sweep::setting::Switch;
 
@@ -165,11 +166,12 @@ mod tests {
 
     #[test]
     fn values_are_lists() {
-        let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --density random --query off --background none";
+        let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --line-search off,last --density random --query off --background none";
         let axes = parse(line).unwrap().axes().remove(0);
         assert_eq!(axes.max_gaussians, [None, Some(Limit::Count(500)), Some(Limit::Percent(70))]);
         assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
         assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
+        assert_eq!(axes.line_search, [LineSearch::Off, LineSearch::Last]);
         assert_eq!((axes.density, axes.query), (vec![Density::Random], vec![Switch::Off]));
         assert_eq!(axes.background, [Mode::Off]);
         assert!(parse("a --out o --no-adam").unwrap().axes()[0].adam.is_empty());

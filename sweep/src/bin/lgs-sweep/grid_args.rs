@@ -1,7 +1,7 @@
 //! Flags of the grid: the values along each axis.
 
 use clap::{Args, Parser};
-use lgs_engine::{densify::Density, gaussians::background::Mode};
+use lgs_engine::{densify::Density, gaussians::background::Mode, refine::LineSearch};
 use lgs_sweep::{grid::Axes, setting::Switch};
 
 use crate::values::{Most, Views, most, reduce, steps, theta, views};
@@ -52,6 +52,10 @@ pub(crate) struct GridArgs {
     /// How many times smaller in width and height the images are that a step looks at, 1 to 64
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1", value_parser = reduce)]
     refine_reduce: Vec<usize>,
+
+    /// Learned steps after which every Gaussian's length of the step is searched for, with weights that do so
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "every")]
+    line_search: Vec<LineSearch>,
 }
 
 /// A grid in one value.
@@ -85,6 +89,7 @@ impl GridArgs {
             then_adam: self.then_adam.clone(),
             refine_views: self.refine_views.iter().map(|views| views.0).collect(),
             refine_reduce: self.refine_reduce.clone(),
+            line_search: self.line_search.clone(),
         }
     }
 }

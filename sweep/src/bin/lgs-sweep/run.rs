@@ -7,7 +7,11 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use lgs_engine::{evaluate::lpips::Lpips, network::source::LoadedModel, threads};
+use lgs_engine::{
+    evaluate::lpips::Lpips,
+    network::{config::StepLength, source::LoadedModel},
+    threads,
+};
 use lgs_formats::{digest::sha256, program::Outcome};
 use lgs_sweep::{
     budget::BudgetRow,
@@ -68,6 +72,7 @@ fn grid(args: &Args, networks: &Networks<'_>) -> Vec<Run> {
         weights: weights.clone(),
         query: loaded.model.query.is_some(),
         policy: loaded.model.policy.is_some(),
+        line_search: loaded.model.config.step_length == StepLength::Local,
     });
     runs_of(&args.axes(), &parts.collect::<Vec<_>>())
 }

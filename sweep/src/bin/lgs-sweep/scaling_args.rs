@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_sweep::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 19] = [
+const OTHERS: [&str; 20] = [
     "clips",
     "refine_steps",
     "query",
@@ -21,6 +21,7 @@ const OTHERS: [&str; 19] = [
     "then_adam",
     "refine_views",
     "refine_reduce",
+    "line_search",
     "budgets",
     "hold_out",
     "image_size",

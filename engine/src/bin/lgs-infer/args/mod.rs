@@ -13,6 +13,7 @@ use lgs_engine::{
     network::{shipped, source::ModelSource},
     pipeline::HoldOut,
     plan::{Named, Recipe},
+    refine::LineSearch,
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
@@ -23,8 +24,17 @@ use values::{RefineWith, Switch, budget, pictures, rate, score, seconds};
 const MAX_THREADS: u64 = 1024;
 
 /// Flags that a time budget decides on.
-const CHOSEN_BY_BUDGET: [&str; 8] =
-    ["preset", "refine_steps", "refine_with", "refine_views", "refine_reduce", "density", "query", "background"];
+const CHOSEN_BY_BUDGET: [&str; 9] = [
+    "preset",
+    "refine_steps",
+    "refine_with",
+    "refine_views",
+    "refine_reduce",
+    "line_search",
+    "density",
+    "query",
+    "background",
+];
 
 /// Reconstruct a driving clip as a dynamic 3D Gaussian scene, draw its views and measure them.
 ///
@@ -76,6 +86,11 @@ pub(crate) struct Args {
     /// How many times smaller in width and height the images are that a refinement looks at, 1 to 64 [default: 1]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
     refine_reduce: Option<u32>,
+
+    /// Learned steps after which every Gaussian's length of the step is searched for, which draws each input view once more: `every`;
+    /// `last`: quicker, and worth it where adam:N follows; `off` [default: every]
+    #[arg(long, value_enum)]
+    line_search: Option<LineSearch>,
 
     /// Who prunes and adds primitives [default: policy]
     #[arg(long, value_enum)]
@@ -209,6 +224,7 @@ impl Args {
             adam_steps,
             refine_views: self.refine_views.or(base.refine_views),
             refine_reduce: self.refine_reduce.map_or(base.refine_reduce, |factor| factor as usize),
+            line_search: self.line_search.unwrap_or(base.line_search),
         }
     }
 
