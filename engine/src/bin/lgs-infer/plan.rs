@@ -25,11 +25,10 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// The learned refinement.
+    /// The learned refinement. Steps of per-scene optimisation that only time decides on count for nothing: recorded times are those without.
     pub(crate) fn refinement(&self, turns: Turns) -> RefineSettings {
-        let Recipe { refine_steps: steps, refine_reduce: reduce, line_search, .. } = self.recipe;
-        let optimised_after = self.most_adam_steps() > 0;
-        RefineSettings { steps, turns, reduce, until: self.until, line_search, optimised_after }
+        let Recipe { refine_steps: steps, refine_reduce: reduce, line_search, adam_steps, .. } = self.recipe;
+        RefineSettings { steps, turns, reduce, until: self.until, line_search, optimised_after: adam_steps > 0 }
     }
 
     /// Steps of per-scene optimisation, those that only time decides on included.
