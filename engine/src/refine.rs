@@ -93,7 +93,13 @@ pub fn refine_and_measure(
     set.check_finite()?;
     let reduced = at_factor(views, reduce);
     let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    let (guidance, wanted) = (model.config.guidance, wanted(&model.config));
+    let guidance = model.config.guidance;
+    let searches = |index| model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps);
+    // What is wanted of the scene before a step, and of the refined one, which is before none.
+    let wanted_before = |index| match index < steps {
+        true => Wanted { images: searches(index), ..wanted(&model.config) },
+        false => Wanted { gradient: optimised_after, ..Wanted::default() },
+    };
     let judged = turns.take_all(views.len());
     let mut carried = None;
     for index in 0..steps {
@@ -101,7 +107,7 @@ pub fn refine_and_measure(
         let chosen = turns.of_step(index, &views);
         let mut current = match carried.take() {
             Some(measured) => measured,
-            None => measured(set, &chosen, wanted, &mut summary)?,
+            None => measured(set, &chosen, wanted_before(index), &mut summary)?,
         };
         // What the next step will take again: of steps that are judged, only the first begins with a measurement of its own.
         let begun = if judged { Instant::now() } else { looked };
@@ -117,15 +123,13 @@ pub fn refine_and_measure(
             summary.stopped_early = true;
             break;
         }
-        if model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps) {
+        if searches(index) {
             let start = Instant::now();
             lengthen(set, &before, &step_lengths(&current.images, set, &chosen));
             summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
         if judged {
-            let last = Wanted { gradient: optimised_after, ..Wanted::default() };
-            let next = if index + 1 < steps { wanted } else { last };
-            let after = measured(set, &chosen, next, &mut summary)?;
+            let after = measured(set, &chosen, wanted_before(index + 1), &mut summary)?;
             // Written so that a loss that is not a number counts as no gain.
             let fell = after.loss < current.loss;
             if !fell {

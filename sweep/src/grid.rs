@@ -110,11 +110,13 @@ pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
 
 /// The ways to search for the lengths of so many learned steps that differ.
 fn line_searches(axes: &Axes, searches: bool, learned: usize) -> Vec<LineSearch> {
-    let usual = |line_search: LineSearch| match (searches && learned > 0, learned, line_search) {
-        (false, ..) | (_, 1, LineSearch::Last) => LineSearch::Every,
-        (.., line_search) => line_search,
+    let of = |&line_search: &LineSearch| match line_search {
+        _ if !searches || learned == 0 => LineSearch::Every,
+        // The only step is the last one.
+        LineSearch::Last if learned == 1 => LineSearch::Every,
+        other => other,
     };
-    axes.line_search.iter().map(|&line_search| usual(line_search)).collect()
+    axes.line_search.iter().map(of).collect()
 }
 
 /// The refinements after so many learned steps, those of one run together.

@@ -12,7 +12,7 @@ use lgs_engine::{
     pipeline::{
         GaussianCounts, Inputs, NetworkSettings, Reconstruction, Silent, Stage, StageTimes, Watch, reconstruct,
     },
-    refine::{RefineSettings, Turns, adam::Adam},
+    refine::{RefineSettings, Turns},
     views::{View, at_factor},
 };
 use lgs_train::ablate::record::Means;
@@ -166,8 +166,7 @@ impl Bench<'_> {
         let full: Vec<&View> = self.inputs.views().iter().collect();
         let reduced = watch.time(Stage::Refine, |_| at_factor(&full, refine.reduce));
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-        let mut adam = Adam::new(made.scene.len(), made.adam(self.turns(refine)));
-        adam.begin_with(made.measured.take());
+        let mut adam = made.begin_adam(self.turns(refine), refine.reduce, views.len());
         let (before, network) = (made.seconds + start.elapsed().as_secs_f64(), watch.times.refine);
         let mut steps_s = 0.0;
         for done in 1..=refine.adam {

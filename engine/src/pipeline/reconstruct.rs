@@ -178,10 +178,14 @@ pub struct OptimiseSettings {
 }
 
 impl Reconstruction {
-    /// How a per-scene optimisation of it goes: gently where learned steps have brought it near its optimum.
-    pub fn adam(&self, turns: Turns) -> AdamSettings {
+    /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: gentle where learned steps have
+    /// brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
+    pub fn begin_adam(&mut self, turns: Turns, reduce: usize, num_views: usize) -> Adam {
         let gentle = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
-        AdamSettings { rates: AdamRates::default(), turns, gentle }
+        let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), turns, gentle });
+        let measured = self.measured.take();
+        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && turns.take_all(num_views)));
+        adam
     }
 }
 
@@ -202,20 +206,18 @@ pub fn optimise(
     // A step draws the views once, as the learned refinement has.
     let refined = reconstruction.network.as_ref().map(|network| &network.refine);
     let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(step_s);
-    let (adam, measured) = (reconstruction.adam(turns), reconstruction.measured.take());
+    let mut adam = reconstruction.begin_adam(turns, reduce, inputs.views().len());
     let scene = &mut reconstruction.scene;
     let summary = watch.stage(Stage::Refine, steps, |progress| {
         let full: Vec<&View> = inputs.views().iter().collect();
         let reduced = at_factor(&full, reduce);
         let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-        let mut adam = Adam::new(scene.len(), adam);
-        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && turns.take_all(views.len())));
         for _ in 0..steps {
             let (begun, draws) = (Instant::now(), adam.draws());
-            if until.is_some_and(|until| draws && begun + Duration::from_secs_f64(step_s) > until) {
-                break;
-            }
             if draws {
+                if until.is_some_and(|until| begun + Duration::from_secs_f64(step_s) > until) {
+                    break;
+                }
                 Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
             }
             adam.step(scene, &views);

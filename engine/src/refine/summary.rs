@@ -74,10 +74,10 @@ pub struct Refined {
     pub measured: Option<Measured>,
 }
 
-/// Loss and gradient of a scene over all views.
+/// Loss and gradient of a scene over all views, as it was when they were taken.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// They.
+    /// With a gradient of as many rows as the scene has Gaussians.
     pub objective: Objective,
     /// How many times smaller in width and height the images were.
     pub reduce: usize,
