@@ -1,10 +1,15 @@
 //! The scene as Gaussians: raw parameters, their physical values, motion, the background branch.
 
 pub mod background;
+mod coarseness;
+mod dense;
+mod disc;
 mod initial;
 pub mod motion;
 pub mod physical;
 
+pub use coarseness::Coarseness;
+pub use dense::merge_dense;
 pub use initial::initial;
 
 use crate::error::{EngineError, Result};
@@ -21,6 +26,22 @@ pub const LOG_SCALE: std::ops::Range<usize> = 7..10;
 pub const LOGIT_OPACITY: usize = 10;
 /// Columns of the colour logit.
 pub const LOGIT_COLOUR: std::ops::Range<usize> = 11..14;
+
+/// What a scene begins with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// Where its background comes from.
+    pub background: background::Mode,
+    /// How coarse it is.
+    pub coarseness: Coarseness,
+}
+
+impl From<background::Mode> for Start {
+    /// As coarse as usual.
+    fn from(background: background::Mode) -> Self {
+        Self { background, ..Self::default() }
+    }
+}
 
 /// A dynamic scene: raw Gaussian parameters with timestamps and velocities.
 ///

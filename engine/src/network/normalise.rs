@@ -57,9 +57,11 @@ fn residual_scale(row: &[f32; NUM_ATTRIBUTES]) -> [f32; NUM_ATTRIBUTES] {
 /// Distance from the clip's origin along an axis beyond which no residual carries a Gaussian, metres.
 const REACH: f32 = 10_000.0;
 
-/// Geometric mean of the three scales, metres.
+/// Geometric mean of the two largest scales, metres: how wide it looks, however thin it is.
 pub(super) fn size(row: &[f32; NUM_ATTRIBUTES]) -> f32 {
-    (row[LOG_SCALE].iter().sum::<f32>() / 3.0).exp().clamp(SIZES[0], SIZES[1])
+    let scales = &row[LOG_SCALE];
+    let thinnest = scales.iter().copied().fold(f32::INFINITY, f32::min);
+    (0.5 * (scales.iter().sum::<f32>() - thinnest)).exp().clamp(SIZES[0], SIZES[1])
 }
 
 /// Gaussians that were left as they were instead of taking a residual.

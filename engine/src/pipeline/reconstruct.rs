@@ -12,7 +12,7 @@ use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
     gaussians::{
-        self, GaussianSet,
+        self, GaussianSet, Start,
         background::{self, MapFit, Mode},
         motion,
     },
@@ -28,7 +28,9 @@ use crate::{
 /// How many Gaussians a reconstruction started with, changed and ended with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct GaussianCounts {
-    /// `LiDAR` branch: one per return that some input camera sees.
+    /// Returns that some input camera sees.
+    pub returns: usize,
+    /// `LiDAR` branch: one per return, or for several that are denser than the pixels.
     pub initial: usize,
     /// Taken from the `LiDAR` branch by the set update.
     pub pruned: usize,
@@ -71,6 +73,8 @@ pub struct Begun<'a, 'b> {
     inputs: &'b Inputs<'a>,
     cloud: PointCloud,
     scene: GaussianSet,
+    /// `[N]` the frame that each Gaussian comes from.
+    frames: Vec<u32>,
     start: Instant,
 }
 
@@ -80,7 +84,7 @@ pub struct Begun<'a, 'b> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let (cloud, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, scene, frames) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
@@ -88,13 +92,15 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         step();
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
+        let spacing = points::bounded(&spacing, &inputs.ranges(&cloud, &painted));
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
         step();
         motion::set_velocities(&mut scene, &painted, &cloud, &inputs.sensors(), inputs.motion());
         step();
-        Result::Ok((cloud, scene))
+        let frames = painted.iter().map(|&i| cloud.frames[i as usize]).collect();
+        Result::Ok((cloud, scene, frames))
     })?;
-    Ok(Begun { inputs, cloud, scene, start })
+    Ok(Begun { inputs, cloud, scene, frames, start })
 }
 
 impl Begun<'_, '_> {
@@ -110,21 +116,24 @@ impl Begun<'_, '_> {
     /// no input image has a map.
     pub fn finish(
         self,
-        background: Mode,
+        settings: impl Into<Start>,
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, mut scene, start } = self;
-        if background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
+        let Self { inputs, cloud, mut scene, frames, start } = self;
+        let (settings, returns) = (settings.into(), scene.len());
+        if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
                 setting: "--background",
                 expected: "`depth` of an input image in clip.json for maps".to_owned(),
                 found: "none".to_owned(),
             });
         }
-        let depth_maps = watch.stage(Stage::Background, 1, |_| {
-            background::add_background(&mut scene, inputs.views(), &cloud, background)
+        watch.time(Stage::Points, |_| {
+            gaussians::merge_dense(&mut scene, &frames, inputs.views(), settings.coarseness);
         });
+        let depth_maps = watch
+            .stage(Stage::Background, 1, |_| background::add_background(&mut scene, inputs.views(), &cloud, settings));
         drop(cloud);
         let initial = scene.num_lidar;
         if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
@@ -134,6 +143,7 @@ impl Begun<'_, '_> {
         let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
         let update = network.as_ref().map(|run| run.update).unwrap_or_default();
         let counts = GaussianCounts {
+            returns,
             initial,
             pruned: update.pruned,
             added: update.added,
@@ -155,11 +165,11 @@ impl Begun<'_, '_> {
 /// Those of [`begin`] and of [`Begun::finish`].
 pub fn reconstruct(
     inputs: &Inputs<'_>,
-    background: Mode,
+    settings: impl Into<Start>,
     network: Option<&NetworkSettings<'_>>,
     watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
-    begin(inputs, watch)?.finish(background, network, watch)
+    begin(inputs, watch)?.finish(settings, network, watch)
 }
 
 /// A per-scene optimisation of a finished scene.

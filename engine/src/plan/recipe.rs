@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     densify::{Density, Limit},
-    gaussians::background::Mode,
+    gaussians::{Coarseness, Start, background::Mode},
     refine::LineSearch,
 };
 
@@ -16,6 +16,9 @@ use crate::{
 pub struct Recipe {
     /// What stands behind the `LiDAR` Gaussians.
     pub background: Mode,
+    /// How coarse the scene is to begin with.
+    #[serde(default, skip_serializing_if = "Coarseness::is_usual")]
+    pub coarseness: Coarseness,
     /// Whether there is a network.
     pub network: bool,
     /// Whether primitives ask those of other timestamps.
@@ -43,6 +46,7 @@ impl Default for Recipe {
     fn default() -> Self {
         Self {
             background: Mode::Auto,
+            coarseness: Coarseness::default(),
             network: true,
             query: true,
             density: Density::Policy,
@@ -62,9 +66,15 @@ impl Recipe {
         (self.network && self.refine_steps > 0) || self.adam_steps > 0
     }
 
+    /// What the scene begins with.
+    pub const fn start(&self) -> Start {
+        Start { background: self.background, coarseness: self.coarseness }
+    }
+
     /// The flags of `lgs-infer` that ask for it.
     pub fn flags(&self) -> String {
         let mut flags = vec![format!("--background {}", word(&self.background))];
+        flags.extend((!self.coarseness.is_usual()).then(|| format!("--coarseness {}", self.coarseness)));
         if self.network {
             flags.push(format!("--query {}", if self.query { "on" } else { "off" }));
             flags.push(format!("--density {}", word(&self.density)));

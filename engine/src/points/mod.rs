@@ -9,7 +9,7 @@ pub use aggregate::aggregate;
 pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::sample;
-pub use spacing::spacing;
+pub use spacing::{bounded, spacing};
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///

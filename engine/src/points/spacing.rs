@@ -7,6 +7,9 @@ use crate::{error::Result, ops::knn};
 /// How many neighbours the spacing is the mean over.
 const NUM_NEIGHBOURS: usize = 3;
 
+/// Spacings relative to the range may be so many times the usual one.
+const MOST_TIMES_USUAL: f32 = 2.0;
+
 /// The mean distance (metres) of the points `queries` to their three nearest neighbours among all; to as many as there are
 /// when fewer exist, 0 for a lone point. Coincident points are neighbours at distance 0.
 ///
@@ -25,6 +28,21 @@ pub fn spacing(positions: &[[f32; 3]], queries: &[u32]) -> Result<Vec<f32>> {
     Ok((0..queries.len()).into_par_iter().with_min_len(1024).map(mean).collect())
 }
 
+/// The spacings, none wider than range times the usual angle between neighbours explains: a lone return in the air, or one at an edge of what the
+/// sweep sees, is no wider than the others that far away.
+///
+/// # Shapes
+/// `spacing` (metres) and `ranges` (metres from the sensor) `[M]`; result `[M]`.
+///
+/// # Formula
+/// `min(s, 2 r median(s / r))`, the median over all of them.
+pub fn bounded(spacing: &[f32], ranges: &[f32]) -> Vec<f32> {
+    let mut angles: Vec<f32> = spacing.iter().zip(ranges).map(|(s, r)| s / r).filter(|a| a.is_finite()).collect();
+    angles.sort_by(f32::total_cmp);
+    let Some(&usual) = angles.get(angles.len() / 2) else { return spacing.to_vec() };
+    spacing.iter().zip(ranges).map(|(s, r)| s.min(MOST_TIMES_USUAL * usual * r)).collect()
+}
+
 fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
     let [x, y, z] = [0, 1, 2].map(|c| a[c] - b[c]);
     x * x + y * y + z * z
@@ -32,7 +50,7 @@ fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::spacing;
+    use super::{bounded, spacing};
 
     #[test]
     fn the_mean_over_three_or_fewer() {
@@ -43,6 +61,15 @@ mod tests {
         assert_eq!(spacing(&[[4.0; 3]; 9], &[8]).unwrap(), [0.0]);
         assert!(spacing(&[], &[]).unwrap().is_empty());
         assert!(spacing(&[[f32::NAN; 3]], &[0]).is_err() && spacing(&[], &[0]).is_err());
+    }
+
+    #[test]
+    fn lone_returns_are_no_wider_than_others_at_their_range() {
+        let (spacing, ranges) = ([0.1, 0.2, 0.1, 5.0, 0.0], [10.0, 20.0, 10.0, 30.0, 0.0]);
+        assert_eq!(bounded(&spacing, &ranges)[..3], spacing[..3]);
+        assert!((bounded(&spacing, &ranges)[3] - 0.6).abs() < 1e-6);
+        assert_eq!(bounded(&[4.0], &[0.0]), [4.0], "a return at the sensor tells no angle");
+        assert!(bounded(&[], &[]).is_empty());
     }
 
     #[test]

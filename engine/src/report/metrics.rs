@@ -6,6 +6,7 @@ use crate::{
     densify::{Density, Limit},
     evaluate::ViewFigures,
     gaussians::{
+        Coarseness,
         background::{MapFit, Mode},
         motion::Motion,
     },
@@ -87,6 +88,8 @@ pub struct Config {
     pub hold_out: Vec<usize>,
     /// What stands behind the `LiDAR` Gaussians.
     pub background: Mode,
+    /// How coarse the scene was to begin with.
+    pub coarseness: Coarseness,
     /// Where the initial velocities came from.
     pub motion: Motion,
     /// Who refined: `learned`, or `adam:N` after the steps of the network; `None` for nobody.

@@ -17,7 +17,7 @@ const KILLS: usize = 30;
 /// Clips that take little beside the writes that a kill is to hit, and fill more than one shard.
 const TINY: [&str; 6] = ["--image-size", "24x40", "--shard-mb", "1", "--rounds", "1"];
 const TINY_FRAMES: usize = 2;
-const TINY_CLIPS: usize = 6;
+const TINY_CLIPS: usize = 12;
 
 pub(crate) fn cases() -> Vec<Trial> {
     let read_only = if can_mount() { Needed::Here } else { Needed::Missing("the right to mount".to_owned()) };

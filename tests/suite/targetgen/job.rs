@@ -10,7 +10,7 @@ use lgs_tests::{Outcome, case, clips};
 use libtest_mimic::Trial;
 
 /// Small enough that a clip takes part of a second.
-pub(crate) const SMALL: [&str; 6] = ["--image-size", "24x40", "--shard-mb", "3", "--rounds", "1"];
+pub(crate) const SMALL: [&str; 6] = ["--image-size", "24x40", "--shard-mb", "1", "--rounds", "1"];
 
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
@@ -75,7 +75,7 @@ fn parts_and_whole() -> Outcome {
     }
     let missing = targetgen(place.path(), &["merge", "whole", "--out", "nothing"])?;
     missing.expect_refusal(&["part-I-of-N.json", "whole"])?;
-    targetgen(place.path(), &["merge", "parts", "--shard-mb", "3"])?.expect_success()?;
+    targetgen(place.path(), &["merge", "parts", "--shard-mb", "1"])?.expect_success()?;
     same_product(&place.path().join("parts"), &place.path().join("whole"))?;
     // Another cap repacks, and back gives the bytes of before.
     let large = ["list", "--out", "parts", "--resume", "--image-size", "24x40", "--rounds", "1", "--shard-mb", "50"];
@@ -101,7 +101,7 @@ fn merge_again() -> Outcome {
     }
     let (whole, parts) = (place.path().join("whole"), place.path().join("parts"));
     let left = fs::read(parts.join("part-2-of-3.json"))?;
-    let merge = || targetgen(place.path(), &["merge", "parts", "--shard-mb", "3"]);
+    let merge = || targetgen(place.path(), &["merge", "parts", "--shard-mb", "1"]);
     merge()?.expect_success()?;
     same_product(&parts, &whole)?;
     fs::write(parts.join("part-2-of-3.json"), &left)?;

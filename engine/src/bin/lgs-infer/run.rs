@@ -82,7 +82,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         max_gaussians: recipe.max_gaussians,
         seed: args.seed,
     });
-    let mut reconstruction = begun.finish(recipe.background, network.as_ref(), &mut watch)?;
+    let mut reconstruction = begun.finish(recipe.start(), network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
         let settings = OptimiseSettings { steps, turns, reduce, until, step_s: plan.adam_step_s() };
@@ -225,6 +225,7 @@ impl<'a> Job<'a> {
             frames,
             hold_out: self.frames.held_out.clone(),
             background: recipe.background,
+            coarseness: recipe.coarseness,
             motion: inputs.motion(),
             refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {
                 0 => "learned".to_owned(),

@@ -2,35 +2,103 @@
 
 use super::{Sheet, depth::Trust, emit::is_ignored};
 use crate::{
-    gaussians::{NUM_ATTRIBUTES, initial::row},
+    gaussians::{Coarseness, NUM_ATTRIBUTES, initial::row},
     views::{Projected, View},
 };
 
-/// Side of the blocks that get one Gaussian each, pixels.
+/// Side of the smallest blocks that get one Gaussian each, pixels.
 const BLOCK: usize = 6;
+/// How often four blocks become one at a coarseness of 1 or more.
+const DOUBLINGS: u32 = 2;
 /// Standard deviation, blocks.
 const SIGMA_BLOCKS: f32 = 0.6;
 /// Inverse depth over that of the farthest pixel around: behind slanted surfaces, too.
 const BEHIND: f32 = 0.8;
 /// Pixels within this factor of the farthest inverse depth give the colour.
 const ALIKE: f32 = 1.2;
+/// Largest factor between the inverse depths of four blocks that become one.
+const SAME_DEPTH: f32 = 1.25;
+/// Largest difference of a channel of their colours.
+const SAME_COLOUR: f32 = 0.06;
 /// Opacity.
 const OPACITY: f32 = 0.95;
 
-/// The raw attributes of one Gaussian per block of `view`: behind the farthest point of the block and those around it, in
-/// the colour of what is that far away.
-pub(super) fn rows(view: &View, sheet: &Sheet) -> Vec<[f32; NUM_ATTRIBUTES]> {
-    let blocks = |size: usize| (0..size).step_by(BLOCK);
-    let corners =
-        blocks(view.pinhole.height).flat_map(|row| blocks(view.pinhole.width).map(move |column| (row, column)));
-    corners.filter_map(|corner| of_block(view, sheet, corner)).collect()
+/// What is behind a block.
+#[derive(Clone, Copy, Debug)]
+struct Behind {
+    /// Inverse depth of the farthest pixel in and around it, 1 / metres.
+    farthest: f32,
+    /// Colour of what is that far away.
+    colour: [f32; 3],
 }
 
-fn of_block(
-    view: &View,
-    sheet: &Sheet,
-    (row_of_block, column_of_block): (usize, usize),
-) -> Option<[f32; NUM_ATTRIBUTES]> {
+/// Blocks of one size over an image; `None` for those that are no more, or that show nothing of the scene.
+struct Grid {
+    side: usize,
+    columns: usize,
+    cells: Vec<Option<Behind>>,
+}
+
+/// The raw attributes of one Gaussian per block of `view`: behind the farthest point of the block and those around it, in
+/// the colour of what is that far away. Four blocks behind which there is the same become one.
+pub(super) fn rows(view: &View, sheet: &Sheet, coarseness: Coarseness) -> Vec<[f32; NUM_ATTRIBUTES]> {
+    let mut grids = vec![Grid::finest(view, sheet)];
+    let doublings = if coarseness >= Coarseness::default() { DOUBLINGS } else { 0 };
+    for _ in 0..doublings {
+        let next = grids.last_mut().map(Grid::doubled);
+        grids.extend(next);
+    }
+    grids.iter().flat_map(|grid| grid.rows(view)).collect()
+}
+
+impl Grid {
+    fn finest(view: &View, sheet: &Sheet) -> Self {
+        let blocks = |size: usize| (0..size).step_by(BLOCK);
+        let corners =
+            blocks(view.pinhole.height).flat_map(|row| blocks(view.pinhole.width).map(move |column| (row, column)));
+        let cells = corners.map(|corner| of_block(view, sheet, corner)).collect();
+        Self { side: BLOCK, columns: view.pinhole.width.div_ceil(BLOCK), cells }
+    }
+
+    /// The grid of blocks of twice the side where four are alike; these are taken out here.
+    fn doubled(&mut self) -> Self {
+        let rows = self.cells.len() / self.columns.max(1);
+        let (columns, rows) = (self.columns / 2, rows / 2);
+        let of_four = |i: usize| {
+            let corner = i / columns * 2 * self.columns + i % columns * 2;
+            let places = [corner, corner + 1, corner + self.columns, corner + self.columns + 1];
+            let [Some(a), Some(b), Some(c), Some(d)] = places.map(|place| self.cells[place]) else { return None };
+            let joined = joined([a, b, c, d])?;
+            places.iter().for_each(|&place| self.cells[place] = None);
+            Some(joined)
+        };
+        Self { side: 2 * self.side, columns, cells: (0..columns * rows).map(of_four).collect() }
+    }
+
+    fn rows(&self, view: &View) -> impl Iterator<Item = [f32; NUM_ATTRIBUTES]> {
+        let side = self.side as f32;
+        self.cells.iter().enumerate().filter_map(move |(i, cell)| {
+            let Behind { farthest, colour } = (*cell)?;
+            let [u, v] = [i % self.columns, i / self.columns].map(|k| (k as f32 + 0.5) * side);
+            let depth = 1.0 / (BEHIND * farthest);
+            let mean = view.pinhole.unproject(Projected { u, v, depth });
+            Some(row(mean, SIGMA_BLOCKS * side * depth / view.pinhole.fx, OPACITY, colour))
+        })
+    }
+}
+
+/// What is behind four blocks together; `None` where that differs.
+fn joined(four: [Behind; 4]) -> Option<Behind> {
+    let farthest = four.iter().map(|block| block.farthest).fold(f32::INFINITY, f32::min);
+    let mean = [0, 1, 2].map(|k| 0.25 * four.iter().map(|block| block.colour[k]).sum::<f32>());
+    let alike = |block: &Behind| {
+        let near = |k: usize| (block.colour[k] - mean[k]).abs() <= 0.5 * SAME_COLOUR;
+        block.farthest <= SAME_DEPTH * farthest && (0..3).all(near)
+    };
+    four.iter().all(alike).then_some(Behind { farthest, colour: mean })
+}
+
+fn of_block(view: &View, sheet: &Sheet, (row_of_block, column_of_block): (usize, usize)) -> Option<Behind> {
     let pinhole = &view.pinhole;
     let around = |at: usize, size: usize| at.saturating_sub(BLOCK)..(at + 2 * BLOCK).min(size);
     let columns = around(column_of_block, pinhole.width);
@@ -46,8 +114,36 @@ fn of_block(
         sum = std::array::from_fn(|k| sum[k] + view.image.data[3 * i + k]);
         count += 1.0;
     }
-    let middle = |at: usize| at as f32 + 0.5 * BLOCK as f32;
-    let depth = 1.0 / (BEHIND * farthest);
-    let mean = pinhole.unproject(Projected { u: middle(column_of_block), v: middle(row_of_block), depth });
-    Some(row(mean, SIGMA_BLOCKS * BLOCK as f32 * depth / pinhole.fx, OPACITY, sum.map(|s: f32| s / count)))
+    Some(Behind { farthest, colour: sum.map(|s: f32| s / count) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Sheet, Trust, rows};
+    use crate::{
+        gaussians::{Coarseness, LOG_SCALE, MEAN},
+        views::samples::{ahead, seen},
+    };
+
+    #[test]
+    fn blocks_behind_which_there_is_the_same_are_one() {
+        let (width, height) = (96, 48);
+        let of = |edge: usize| {
+            let near = |i: usize| i % width < edge;
+            let view = seen(ahead(width, height, 50.0), vec![0.5; 3 * width * height]);
+            let inverse_depths = (0..width * height).map(|i| if near(i) { 0.2 } else { 0.05 }).collect();
+            (view, Sheet { inverse_depths, trust: vec![Trust::Confirmed; width * height] })
+        };
+        let count = |edge, factor| {
+            let (view, sheet) = of(edge);
+            rows(&view, &sheet, Coarseness::new(factor).unwrap()).len()
+        };
+        assert_eq!((count(0, 0.0), count(0, 1.0)), (16 * 8, 4 * 2));
+        let with_edge = count(50, 1.0);
+        assert!(with_edge > 8 && with_edge < 40, "{with_edge}");
+        let (view, sheet) = of(0);
+        for row in rows(&view, &sheet, Coarseness::default()) {
+            assert!((row[MEAN.start + 2] - 25.0).abs() < 1e-3 && (row[LOG_SCALE.start].exp() - 7.2).abs() < 0.1);
+        }
+    }
 }

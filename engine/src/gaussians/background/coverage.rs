@@ -1,9 +1,10 @@
-//! How much of a view a set of round Gaussians covers, whatever their order.
+//! How much of a view a set of Gaussians covers, whatever their order.
 
+use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::{
-    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, physical::sigmoid},
+    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, physical::sigmoid},
     views::PinholeView,
 };
 
@@ -11,6 +12,8 @@ use crate::{
 const BLUR: f32 = 0.3;
 /// Weight below which the renderer skips a Gaussian.
 const MIN_ALPHA: f32 = 1.0 / 255.0;
+/// Shapes are projected as in the image widened by this share of the tangent of half the field of view, as the renderer does.
+const JACOBIAN_MARGIN: f32 = 0.3;
 
 /// A pixel needs a background when at least this share of it shows through.
 const SHOWS: f32 = 0.3;
@@ -37,71 +40,135 @@ impl Coverage {
         self.log_transmittance[pixel].exp() >= SHOWS
     }
 
-    /// Nothing: adds round Gaussians.
-    pub(super) fn add(&mut self, view: &PinholeView, rounds: &[Round]) {
-        for round in rounds {
-            let [x, y, z] = view.to_camera(round.at(view.time));
-            if z <= crate::views::NEAR {
-                continue;
+    /// Nothing: adds Gaussians.
+    pub(super) fn add(&mut self, view: &PinholeView, shapes: &[Shape]) {
+        let camera = Camera::new(view);
+        for shape in shapes {
+            if let Some(ellipse) = camera.ellipse(shape) {
+                self.splat(ellipse, shape);
             }
-            let sigma = round.scale * view.fx / z;
-            let at = (view.fx * x / z + view.cx, view.fy * y / z + view.cy);
-            self.splat(at, sigma * sigma + BLUR, round);
         }
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image before the cast")]
-    fn splat(&mut self, (u, v): (f32, f32), variance: f32, round: &Round) {
-        let reach = 2.0 * variance * round.log_opacity; // square of the radius, pixels
-        if reach <= 0.0 {
+    fn splat(&mut self, Ellipse { centre: [u, v], covariance: [xx, xy, yy] }: Ellipse, shape: &Shape) {
+        let reach = 2.0 * shape.log_opacity; // square of the radius, standard deviations
+        let determinant = xx * yy - xy * xy;
+        let sound = reach > 0.0 && determinant > 0.0 && determinant.is_finite();
+        if !sound {
             return;
         }
-        let radius = reach.sqrt();
-        let range = |centre: f32, size: usize| {
+        let range = |centre: f32, radius: f32, size: usize| {
             let low = (centre - radius - 0.5).ceil().clamp(0.0, size as f32) as usize;
             let high = (centre + radius + 0.5).floor().clamp(0.0, size as f32) as usize;
             low..high
         };
-        let columns = range(u, self.width);
-        if columns.is_empty() {
+        if range(u, (reach * xx).sqrt(), self.width).is_empty() {
             return;
         }
-        for row in range(v, self.height) {
-            let dy = row as f32 + 0.5 - v;
+        // Along a row at height y the exponent is (x - shear y)^2 / narrow + y^2 / yy.
+        let (shear, narrow) = (xy / yy, determinant / yy);
+        for row in range(v, (reach * yy).sqrt(), self.height) {
+            let y = row as f32 + 0.5 - v;
+            let (middle, along) = (u + shear * y, y * y / yy);
+            let columns = range(middle, ((reach - along).max(0.0) * narrow).sqrt(), self.width);
             let line = &mut self.log_transmittance[row * self.width..(row + 1) * self.width];
-            for (column, cell) in columns.clone().zip(&mut line[columns.clone()]) {
-                let dx = column as f32 + 0.5 - u;
-                let q = dx * dx + dy * dy;
+            for (column, cell) in columns.clone().zip(&mut line[columns]) {
+                let x = column as f32 + 0.5 - middle;
+                let q = x * x / narrow + along;
                 if q < reach && *cell > SURELY_COVERED {
-                    *cell += (1.0 - (round.opacity * (-0.5 * q / variance).exp()).min(0.999)).ln();
+                    *cell += (1.0 - (shape.opacity * (-0.5 * q).exp()).min(0.999)).ln();
                 }
             }
         }
     }
 }
 
-/// A round Gaussian.
+/// A view's camera as the renderer projects with it.
+struct Camera<'a> {
+    view: &'a PinholeView,
+    /// Smallest and largest `x / z` and `y / z` at which shapes are projected.
+    limits: [[f32; 2]; 2],
+}
+
+/// What a Gaussian covers of an image: its middle and the covariance (xx, xy, yy) around it, pixels.
+struct Ellipse {
+    centre: [f32; 2],
+    covariance: [f32; 3],
+}
+
+impl<'a> Camera<'a> {
+    fn new(view: &'a PinholeView) -> Self {
+        let limits = |centre: f32, focal: f32, size: usize| {
+            let margin = JACOBIAN_MARGIN * 0.5 * size as f32 / focal;
+            [-centre / focal - margin, (size as f32 - centre) / focal + margin]
+        };
+        Self { view, limits: [limits(view.cx, view.fx, view.width), limits(view.cy, view.fy, view.height)] }
+    }
+
+    /// Where the shape is drawn; `None` behind the camera.
+    fn ellipse(&self, shape: &Shape) -> Option<Ellipse> {
+        let view = self.view;
+        let [x, y, z] = view.to_camera(shape.at(view.time));
+        if z.is_nan() || z <= crate::views::NEAR {
+            return None;
+        }
+        let [p, q] = [x / z, y / z];
+        let centre = [view.fx * p + view.cx, view.fy * q + view.cy];
+        let [p, q] = [p.clamp(self.limits[0][0], self.limits[0][1]), q.clamp(self.limits[1][0], self.limits[1][1])];
+        let [fx, fy] = [view.fx / z, view.fy / z];
+        let mut covariance = [BLUR, 0.0, BLUR];
+        match shape.axes {
+            Axes::Round(scale) => {
+                let [u, v] = [fx * scale, fy * scale];
+                covariance[0] += u * u * (1.0 + p * p);
+                covariance[1] += u * v * p * q;
+                covariance[2] += v * v * (1.0 + q * q);
+            }
+            Axes::Long(axes) => {
+                for axis in axes {
+                    let [a, b, c] = view.camera_from_clip.map(|m| m[0] * axis[0] + m[1] * axis[1] + m[2] * axis[2]);
+                    let [u, v] = [fx * (a - p * c), fy * (b - q * c)];
+                    covariance[0] += u * u;
+                    covariance[1] += u * v;
+                    covariance[2] += v * v;
+                }
+            }
+        }
+        Some(Ellipse { centre, covariance })
+    }
+}
+
+/// Extent of a Gaussian, metres.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Round {
+enum Axes {
+    /// The same in all directions: the standard deviation.
+    Round(f32),
+    /// Its own axes in the clip frame, each as long as the standard deviation along it.
+    Long([[f32; 3]; 3]),
+}
+
+/// What of a Gaussian decides what it covers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
     mean: [f32; 3],
     /// Moment at which it is there, seconds, and its velocity, metres a second.
     time: f32,
     velocity: [f32; 3],
-    /// Standard deviation, metres.
-    scale: f32,
+    axes: Axes,
     opacity: f32,
     /// Logarithm of the opacity over the smallest weight.
     log_opacity: f32,
 }
 
-impl Round {
-    /// Those of a set, which move; the first log scale counts.
+impl Shape {
+    /// Those of a set, which move.
     pub(super) fn moving(set: &GaussianSet) -> Vec<Self> {
-        let mut rounds = Self::of(&set.attributes);
-        for (round, (&time, &velocity)) in rounds.iter_mut().zip(set.times.iter().zip(&set.velocities)) {
-            (round.time, round.velocity) = (time, velocity);
+        let mut shapes = Self::of(&set.attributes);
+        for (shape, (&time, &velocity)) in shapes.iter_mut().zip(set.times.iter().zip(&set.velocities)) {
+            (shape.time, shape.velocity) = (time, velocity);
         }
-        rounds
+        shapes
     }
 
     /// Its mean at a moment, metres.
@@ -109,7 +176,7 @@ impl Round {
         std::array::from_fn(|k| self.mean[k] + self.velocity[k] * (time - self.time))
     }
 
-    /// Those of raw attributes, which stand still; the first log scale counts.
+    /// Those of raw attributes, which stand still.
     pub(super) fn of(rows: &[[f32; NUM_ATTRIBUTES]]) -> Vec<Self> {
         let of = |row: &[f32; NUM_ATTRIBUTES]| {
             let opacity = sigmoid(row[LOGIT_OPACITY]);
@@ -117,11 +184,85 @@ impl Round {
                 mean: [row[MEAN.start], row[MEAN.start + 1], row[MEAN.start + 2]],
                 time: 0.0,
                 velocity: [0.0; 3],
-                scale: row[LOG_SCALE.start].exp(),
+                axes: axes(row),
                 opacity,
                 log_opacity: (opacity / MIN_ALPHA).ln(),
             }
         };
         rows.par_iter().with_min_len(4096).map(of).collect()
+    }
+}
+
+fn axes(row: &[f32; NUM_ATTRIBUTES]) -> Axes {
+    let scales: [f32; 3] = std::array::from_fn(|k| row[LOG_SCALE.start + k].exp());
+    if scales[0] == scales[1] && scales[0] == scales[2] {
+        return Axes::Round(scales[0]);
+    }
+    let [w, x, y, z] = std::array::from_fn(|k| row[QUAT.start + k]);
+    let turn = Quat::from_xyzw(x, y, z, w).normalize();
+    Axes::Long([0, 1, 2].map(|k| (turn * (Vec3::AXES[k] * scales[k])).to_array()))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Mat3, Quat, Vec3};
+
+    use super::{Coverage, Shape};
+    use crate::{
+        gaussians::{LOG_SCALE, MEAN, NUM_ATTRIBUTES, QUAT, initial::row},
+        views::{PinholeView, samples::ahead},
+    };
+
+    /// Opacity that is left of a Gaussian at a pixel's centre, by the covariance in the image.
+    fn alpha(of: &[f32; NUM_ATTRIBUTES], opacity: f32, view: &PinholeView, [u, v]: [f32; 2]) -> f32 {
+        let [w, x, y, z] = std::array::from_fn(|k| of[QUAT.start + k]);
+        let axes = Mat3::from_quat(Quat::from_xyzw(x, y, z, w).normalize());
+        let scales = Vec3::from_slice(&of[LOG_SCALE]).exp();
+        let mean = Vec3::from_slice(&of[MEAN]);
+        let image = [
+            Vec3::new(view.fx / mean.z, 0.0, -view.fx * mean.x / (mean.z * mean.z)),
+            Vec3::new(0.0, view.fy / mean.z, -view.fy * mean.y / (mean.z * mean.z)),
+        ];
+        let m = image.map(|row| axes.transpose() * row * scales);
+        let (xx, xy, yy) = (m[0].dot(m[0]) + 0.3, m[0].dot(m[1]), m[1].dot(m[1]) + 0.3);
+        let (x, y) = (u - view.fx * mean.x / mean.z - view.cx, v - view.fy * mean.y / mean.z - view.cy);
+        opacity * (-0.5 * (x * x * yy - 2.0 * x * y * xy + y * y * xx) / (xx * yy - xy * xy)).exp()
+    }
+
+    #[test]
+    fn discs_and_balls_cover_what_they_are_drawn_on() {
+        let view = ahead(48, 32, 40.0);
+        for (k, turn) in [[0.0, 0.0, 0.0], [0.5, -0.4, 0.9], [1.2, 0.3, 0.1]].into_iter().enumerate() {
+            let mut of = row([0.4, -0.2, 5.0], 0.3, 0.8, [0.5; 3]);
+            if k > 0 {
+                of[LOG_SCALE].copy_from_slice(&[-0.7, -1.8, -3.0]);
+                let turn = Quat::from_euler(glam::EulerRot::XYZ, turn[0], turn[1], turn[2]);
+                of[QUAT].copy_from_slice(&[turn.w, turn.x, turn.y, turn.z].map(|q| 1.7 * q));
+            }
+            let mut coverage = Coverage::new(&view);
+            coverage.add(&view, &Shape::of(&[of]));
+            for (pixel, left) in coverage.log_transmittance.iter().enumerate() {
+                let at = [(pixel % 48) as f32 + 0.5, (pixel / 48) as f32 + 0.5];
+                let want = alpha(&of, 0.8, &view, at);
+                let want = if want < 1.0 / 255.0 { 0.0 } else { want };
+                assert!(
+                    (1.0 - left.exp() - want).abs() < 5e-3,
+                    "shape {k}, pixel {pixel}: {} {want}",
+                    1.0 - left.exp()
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_behind_the_camera_or_no_number_covers_nothing() {
+        let view = ahead(8, 8, 10.0);
+        let mut coverage = Coverage::new(&view);
+        let mut rows = vec![row([0.0, 0.0, -3.0], 1.0, 0.9, [0.5; 3]); 3];
+        rows[1][LOG_SCALE.start] = f32::NAN;
+        rows[1][MEAN.start + 2] = 3.0;
+        rows[2][MEAN.start] = f32::INFINITY;
+        coverage.add(&view, &Shape::of(&rows));
+        assert!((0..64).all(|pixel| coverage.shows(pixel)));
     }
 }

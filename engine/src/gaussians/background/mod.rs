@@ -1,6 +1,7 @@
 //! The background branch: what stands behind, between and above the returns.
 
 mod backstop;
+mod blocks;
 mod coverage;
 mod depth;
 mod emit;
@@ -13,11 +14,11 @@ use serde::{Deserialize, Serialize};
 
 pub use self::maps::MapFit;
 use self::{
-    coverage::{Coverage, Round},
+    coverage::{Coverage, Shape},
     depth::Trust,
     maps::Aligned,
 };
-use super::{GaussianSet, NUM_ATTRIBUTES};
+use super::{Coarseness, GaussianSet, NUM_ATTRIBUTES, Start};
 use crate::{
     points::PointCloud,
     views::{PinholeView, Role, View},
@@ -67,7 +68,8 @@ struct Sheet {
 /// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
 /// Pixels that an earlier Gaussian covers get no other. All of them are static but the own vehicle's, which moves with the
 /// sensors. What is returned says how the clip's depth maps were brought to metres, where they were asked for.
-pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud, mode: Mode) -> Vec<MapFit> {
+pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud, start: Start) -> Vec<MapFit> {
+    let Start { background: mode, coarseness } = start;
     let inputs = from_the_middle(views);
     let radius = sky::radius(cloud);
     let without_maps = |sheets: Vec<Sheet>| Aligned { sheets, fits: Vec::new() };
@@ -78,7 +80,7 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
         Mode::Depth => without_maps(depth::sheets(&inputs, cloud, radius)),
         Mode::Auto | Mode::Maps => maps::sheets(&inputs, cloud, radius),
     };
-    add_pixels(set, &inputs, &sheets);
+    add_pixels(set, &inputs, &sheets, coarseness);
     if matches!(mode, Mode::Sky | Mode::Gaps) {
         return fits;
     }
@@ -86,32 +88,33 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
         let sources = depth::sources(&inputs, k);
         let first = !inputs[..k].iter().any(|view| view.camera == inputs[k].camera);
         if let Some(&other) = sources.first().filter(|_| first) {
-            let rows = emit::rows(inputs[k], &sheets[k], &Coverage::new(&inputs[k].pinhole), Trust::OwnVehicle, &[]);
+            let nothing = Coverage::new(&inputs[k].pinhole);
+            let rows = emit::rows(inputs[k], &sheets[k], (&nothing, Trust::OwnVehicle), &[], coarseness);
             let velocity = velocity(&inputs[k].pinhole, &inputs[other].pinhole);
             append(set, rows, inputs[k].pinhole.time, velocity);
         }
     }
     for (view, sheet) in inputs.iter().zip(&sheets) {
-        append(set, backstop::rows(view, sheet), 0.0, [0.0; 3]);
+        append(set, backstop::rows(view, sheet, coarseness), 0.0, [0.0; 3]);
     }
     fits
 }
 
-/// Nothing: appends one Gaussian for every uncovered pixel of a known depth.
-fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet]) {
-    let rounds = Round::moving(set);
+/// Nothing: appends Gaussians for all uncovered pixels of a known depth.
+fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet], coarseness: Coarseness) {
+    let shapes = Shape::moving(set);
     let covered = |view: &&View| {
         let mut coverage = Coverage::new(&view.pinhole);
-        coverage.add(&view.pinhole, &rounds);
+        coverage.add(&view.pinhole, &shapes);
         coverage
     };
     let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
     for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
         for k in 0..inputs.len() {
             let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
-            let rows = emit::rows(inputs[k], &sheets[k], &coverages[k], trust, &sources);
-            let rounds = Round::of(&rows);
-            inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &rounds));
+            let rows = emit::rows(inputs[k], &sheets[k], (&coverages[k], trust), &sources, coarseness);
+            let shapes = Shape::of(&rows);
+            inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
             append(set, rows, 0.0, [0.0; 3]);
         }
     }

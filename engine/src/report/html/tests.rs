@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     evaluate::ViewFigures,
-    gaussians::{background::Mode, motion::Motion},
+    gaussians::{Coarseness, background::Mode, motion::Motion},
     pipeline::{GaussianCounts, StageTimes},
     report::{Config, METRICS_FORMAT, RoleMeans, ViewRecord},
 };
@@ -23,6 +23,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             frames: vec![0, 1, 2],
             hold_out: vec![1],
             background: Mode::Auto,
+            coarseness: Coarseness::default(),
             motion: Motion::Registered,
             refine_with: None,
             refine_steps: None,

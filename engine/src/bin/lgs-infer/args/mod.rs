@@ -9,7 +9,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
     densify::{Density, Limit},
-    gaussians::{background::Mode, motion::Motion},
+    gaussians::{Coarseness, background::Mode, motion::Motion},
     network::{shipped, source::ModelSource},
     pipeline::HoldOut,
     plan::{Named, Recipe},
@@ -24,7 +24,7 @@ use values::{RefineWith, Switch, budget, pictures, rate, score, seconds};
 const MAX_THREADS: u64 = 1024;
 
 /// Flags that a time budget decides on.
-const CHOSEN_BY_BUDGET: [&str; 9] = [
+const CHOSEN_BY_BUDGET: [&str; 10] = [
     "preset",
     "refine_steps",
     "refine_with",
@@ -34,6 +34,7 @@ const CHOSEN_BY_BUDGET: [&str; 9] = [
     "density",
     "query",
     "background",
+    "coarseness",
 ];
 
 /// Reconstruct a driving clip as a dynamic 3D Gaussian scene, draw its views and measure them.
@@ -134,6 +135,11 @@ pub(crate) struct Args {
     #[arg(long, value_enum)]
     background: Option<Mode>,
 
+    /// How different, times the usual, the pixels and returns may be that share a Gaussian, and above 1 how many they may be, 0 to 8: more is
+    /// coarser and quicker; 0: a Gaussian for every return and every pixel between them [default: 1]
+    #[arg(long, value_name = "F")]
+    coarseness: Option<Coarseness>,
+
     /// Where the velocities of the LiDAR Gaussians come from at first
     #[arg(long, value_enum, default_value_t)]
     pub(crate) motion: Motion,
@@ -216,6 +222,7 @@ impl Args {
         };
         Recipe {
             background: self.background.unwrap_or(base.background),
+            coarseness: self.coarseness.unwrap_or(base.coarseness),
             network: base.network,
             query: self.query.map_or(base.query, |switch| switch == Switch::On),
             density: self.density.unwrap_or(base.density),

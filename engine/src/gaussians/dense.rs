@@ -1,0 +1,277 @@
+//! Returns denser than the pixels of their images, together.
+
+use super::{
+    Coarseness, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES,
+    disc::{Plane, put, sigmas},
+    initial::row,
+    physical::{MAX_SCALE, MIN_SCALE, sigmoid},
+};
+use crate::views::{Projected, Role, View};
+
+/// Sides of the rectangles whose returns become one, width and height in pixels, in the order in which they are tried.
+const SHAPES: [[usize; 2]; 12] =
+    [[8, 8], [6, 6], [4, 4], [3, 3], [3, 2], [2, 3], [2, 2], [3, 1], [1, 3], [2, 1], [1, 2], [1, 1]];
+/// Longest side up to a coarseness of 1, pixels.
+const LONGEST: f32 = 3.0;
+/// Root mean square of the colours around their mean, of the returns and of the pixels, that rectangles of four pixels may have.
+const COLOUR: f32 = 0.026;
+/// It falls with this power of the number of pixels.
+const COLOUR_FALL: f32 = 0.25;
+/// Inverse depths may be away from their mean by this share.
+const DEPTH: f32 = 0.06;
+/// Standard deviation of a drawn Gaussian over the sides of its rectangle.
+const SIGMA_SHARE: f32 = 0.4;
+/// Largest opacity of returns that became one.
+const OPACITY: f32 = 0.7;
+/// What keeps a slope that few returns tell from being anything, square pixels.
+const RIDGE: f32 = 0.1;
+
+/// A return in an image.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Index of its Gaussian.
+    index: usize,
+    at: Projected,
+    pixel: usize,
+    colour: [f32; 3],
+}
+
+/// A rectangle of pixels: its first column and row, and its sides.
+type Rectangle = ([usize; 2], [usize; 2]);
+
+/// Nothing: makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
+/// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set.
+///
+/// # Shapes
+/// `frames` `[N]`: the frame that each Gaussian of the set, all of the `LiDAR` branch, comes from.
+pub fn merge_dense(set: &mut GaussianSet, frames: &[u32], views: &[View], coarseness: Coarseness) {
+    if coarseness == Coarseness::FINEST {
+        return;
+    }
+    let mut fate = vec![Fate::Stays; set.len()];
+    for view in views.iter().filter(|view| view.role == Role::Input) {
+        of_view(set, frames, view, coarseness, &mut fate);
+    }
+    let kept: Vec<usize> = (0..set.len()).filter(|&i| !matches!(fate[i], Fate::Goes)).collect();
+    let attributes = |&i: &usize| if let Fate::Becomes(row) = fate[i] { row } else { set.attributes[i] };
+    *set = GaussianSet {
+        attributes: kept.iter().map(attributes).collect(),
+        times: kept.iter().map(|&i| set.times[i]).collect(),
+        velocities: kept.iter().map(|&i| set.velocities[i]).collect(),
+        num_lidar: kept.len(),
+    };
+}
+
+/// What becomes of a Gaussian.
+#[derive(Clone, Copy, Debug)]
+enum Fate {
+    Stays,
+    Goes,
+    Becomes([f32; NUM_ATTRIBUTES]),
+}
+
+fn of_view(set: &GaussianSet, frames: &[u32], view: &View, coarseness: Coarseness, fate: &mut [Fate]) {
+    let (width, height) = (view.pinhole.width, view.pinhole.height);
+    let all = seen_in(set, frames, view, fate);
+    let first = first_by_pixel(&all, view.pinhole.num_pixels());
+    let mut taken = vec![false; all.len()];
+    let mut group = Vec::new();
+    for size in SHAPES {
+        if size[0].max(size[1]) as f32 > coarseness.most(LONGEST) {
+            continue;
+        }
+        for start in 0..all.len() {
+            let [column, line] = [all[start].pixel % width, all[start].pixel / width];
+            // Every place of the rectangle in whose first row this return is.
+            for left in (column.saturating_sub(size[0] - 1)..=column).rev() {
+                if taken[start] {
+                    break;
+                }
+                if left + size[0] > width || line + size[1] > height {
+                    continue;
+                }
+                let row_of = |r: usize| first[r * width + left]..first[r * width + left + size[0]];
+                group.clear();
+                group.extend((line..line + size[1]).flat_map(row_of).filter(|&k| !taken[k]));
+                if group.len() < 2 {
+                    continue;
+                }
+                let returns: Vec<Seen> = group.iter().map(|&k| all[k]).collect();
+                if let Some(row) = together(set, view, &returns, ([left, line], size), coarseness) {
+                    group.iter().for_each(|&k| taken[k] = true);
+                    returns.iter().for_each(|seen| fate[seen.index] = Fate::Goes);
+                    let place = returns.iter().map(|seen| seen.index).min().unwrap_or(all[start].index);
+                    fate[place] = Fate::Becomes(row);
+                }
+            }
+        }
+    }
+}
+
+/// The returns of a view's own frame that it shows and that are still what they were, by pixel.
+fn seen_in(set: &GaussianSet, frames: &[u32], view: &View, fate: &[Fate]) -> Vec<Seen> {
+    let seen = |index: usize| {
+        let own = u32::try_from(view.frame).is_ok_and(|frame| frame == frames[index]);
+        if !own || !matches!(fate[index], Fate::Stays) {
+            return None;
+        }
+        let (row, elapsed) = (&set.attributes[index], view.pinhole.time - set.times[index]);
+        let at = view.pinhole.project([0, 1, 2].map(|k| row[MEAN.start + k] + set.velocities[index][k] * elapsed))?;
+        let colour = [0, 1, 2].map(|k| sigmoid(row[LOGIT_COLOUR.start + k]));
+        Some(Seen { index, at, pixel: at.pixel(view.pinhole.width), colour })
+    };
+    let mut all: Vec<Seen> = (0..set.len()).filter_map(seen).collect();
+    all.sort_by_key(|seen| (seen.pixel, seen.index));
+    all
+}
+
+/// Index of the first of `all` in each pixel or behind it, and their number at the end.
+fn first_by_pixel(all: &[Seen], num_pixels: usize) -> Vec<usize> {
+    let mut first = vec![0; num_pixels + 1];
+    all.iter().for_each(|seen| first[seen.pixel + 1] += 1);
+    let mut sum = 0;
+    first.iter_mut().for_each(|count| {
+        sum += *count;
+        *count = sum;
+    });
+    first
+}
+
+/// The Gaussian of at least two returns in a rectangle; `None` where they are not alike.
+fn together(
+    set: &GaussianSet,
+    view: &View,
+    returns: &[Seen],
+    (corner, size): Rectangle,
+    coarseness: Coarseness,
+) -> Option<[f32; NUM_ATTRIBUTES]> {
+    let lead = returns.first()?.index;
+    let alike = |seen: &Seen| {
+        let (a, b) = (seen.index, lead);
+        set.velocities[a] == set.velocities[b] && set.times[a].to_bits() == set.times[b].to_bits()
+    };
+    let colour = returns.iter().all(alike).then(|| colour(view, returns, (corner, size), coarseness))??;
+    let middle = [0, 1].map(|k| corner[k] as f32 + 0.5 * size[k] as f32);
+    let plane = plane(returns, middle, coarseness.factor() * DEPTH)?;
+    let shines_through: f32 =
+        returns.iter().map(|seen| 1.0 - sigmoid(set.attributes[seen.index][LOGIT_OPACITY])).product();
+    let mut made = row([0.0; 3], 1.0, (1.0 - shines_through).min(OPACITY), colour);
+    put(&mut made, &view.pinhole, (middle, plane), sigmas(size, SIGMA_SHARE));
+    let elapsed = view.pinhole.time - set.times[lead];
+    made[MEAN].iter_mut().zip(set.velocities[lead]).for_each(|(x, v)| *x -= v * elapsed);
+    made[LOG_SCALE].iter_mut().for_each(|s| *s = s.clamp(MIN_SCALE.ln(), MAX_SCALE.ln()));
+    Some(made)
+}
+
+/// The mean colour of returns, where both they and the pixels around them are near it.
+fn colour(view: &View, returns: &[Seen], (corner, size): Rectangle, coarseness: Coarseness) -> Option<[f32; 3]> {
+    let (count, num_pixels) = (returns.len() as f32, (size[0] * size[1]) as f32);
+    let mean: [f32; 3] = [0, 1, 2].map(|k| returns.iter().map(|seen| seen.colour[k]).sum::<f32>() / count);
+    let away = |c: [f32; 3]| (0..3).map(|k| (c[k] - mean[k]) * (c[k] - mean[k])).sum::<f32>() / 3.0;
+    let rows = corner[1]..corner[1] + size[1];
+    let pixels = rows.flat_map(|r| (corner[0]..corner[0] + size[0]).map(move |c| 3 * (r * view.pinhole.width + c)));
+    let of_pixels = pixels.map(|at| away([0, 1, 2].map(|k| view.image.data[at + k]))).sum::<f32>() / num_pixels;
+    let of_returns = returns.iter().map(|seen| away(seen.colour)).sum::<f32>() / count;
+    let most = coarseness.factor() * COLOUR * (num_pixels / 4.0).powf(-COLOUR_FALL);
+    (of_pixels.max(of_returns) <= most * most).then_some(mean)
+}
+
+/// The plane around `middle` (pixels) on which returns lie; `None` where their inverse depths are further apart than a share.
+fn plane(returns: &[Seen], middle: [f32; 2], share: f32) -> Option<Plane> {
+    let values = |seen: &Seen| [seen.at.u - middle[0], seen.at.v - middle[1], 1.0 / seen.at.depth];
+    let mean = [0, 1, 2].map(|k| returns.iter().map(|seen| values(seen)[k]).sum::<f32>() / returns.len() as f32);
+    let (mut xx, mut xy, mut yy, mut xw, mut yw) = (RIDGE, 0.0, RIDGE, 0.0, 0.0);
+    for seen in returns {
+        let here = values(seen);
+        let [x, y, w] = [0, 1, 2].map(|k| here[k] - mean[k]);
+        if w.abs() > share * mean[2] {
+            return None;
+        }
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+        xw += x * w;
+        yw += y * w;
+    }
+    let determinant = xx * yy - xy * xy;
+    let (by_column, by_row) = ((xw * yy - yw * xy) / determinant, (yw * xx - xw * xy) / determinant);
+    let plane = Plane { at: mean[2] - by_column * mean[0] - by_row * mean[1], by_column, by_row };
+    (plane.at > 0.0).then_some(plane)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Coarseness, GaussianSet, merge_dense, row};
+    use crate::{
+        gaussians::{LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, physical::sigmoid},
+        views::{
+            View,
+            samples::{ahead, seen},
+        },
+    };
+
+    const SIZE: usize = 24;
+
+    /// A grey view of a grey set: returns at image positions and depths.
+    fn scene(returns: &[([f32; 2], f32)]) -> (GaussianSet, View) {
+        let pinhole = ahead(SIZE, SIZE, 20.0);
+        let view = seen(pinhole, vec![0.5; 3 * SIZE * SIZE]);
+        let of = |&([u, v], depth): &([f32; 2], f32)| {
+            let mean = pinhole.unproject(crate::views::Projected { u, v, depth });
+            row(mean, 0.01, 0.5, [0.5; 3])
+        };
+        let attributes: Vec<_> = returns.iter().map(of).collect();
+        let count = attributes.len();
+        let (times, velocities) = (vec![0.0; count], vec![[0.0; 3]; count]);
+        (GaussianSet { attributes, times, velocities, num_lidar: count }, view)
+    }
+
+    fn merged(set: &GaussianSet, frames: &[u32], view: &View, factor: f64) -> GaussianSet {
+        let mut set = set.clone();
+        merge_dense(&mut set, frames, std::slice::from_ref(view), Coarseness::new(factor).unwrap());
+        set
+    }
+
+    const TWO: [([f32; 2], f32); 3] = [([10.2, 10.2], 8.0), ([18.5, 4.5], 5.0), ([10.8, 11.7], 8.1)];
+
+    #[test]
+    fn returns_of_a_few_pixels_become_one_in_the_place_of_the_first() {
+        let (set, view) = scene(&TWO);
+        let found = merged(&set, &[0; 3], &view, 1.0);
+        assert_eq!((found.len(), found.num_lidar, found.attributes[1]), (2, 2, set.attributes[1]));
+        let at = view.pinhole.project([0, 1, 2].map(|k| found.attributes[0][MEAN.start + k])).unwrap();
+        assert!((at.u - 10.5).abs() < 1.1 && (at.v - 11.0).abs() < 1.1 && (at.depth - 8.05).abs() < 0.1, "{at:?}");
+        assert!(sigmoid(found.attributes[0][LOGIT_OPACITY]) > 0.55);
+        assert!(found.attributes[0][LOG_SCALE.start] > set.attributes[0][LOG_SCALE.start]);
+        assert_eq!(merged(&set, &[0; 3], &view, 0.0), set, "the finest stays");
+        assert_eq!(merged(&found, &[0; 2], &view, 1.0).len(), 2, "nothing more to do");
+    }
+
+    #[test]
+    fn what_differs_stays_apart() {
+        let (set, view) = scene(&TWO);
+        assert_eq!(merged(&set, &[0, 0, 1], &view, 1.0), set, "another sweep");
+        let (mut other, _) = scene(&TWO);
+        other.velocities[2] = [3.0, 0.0, 0.0];
+        assert_eq!(merged(&other, &[0; 3], &view, 1.0), other, "another velocity");
+        let (mut other, _) = scene(&TWO);
+        other.attributes[2][LOGIT_COLOUR].fill(2.0);
+        assert_eq!(merged(&other, &[0; 3], &view, 1.0), other, "another colour");
+        let (far, view) = scene(&[TWO[0], TWO[1], ([10.8, 11.7], 10.0)]);
+        assert_eq!(merged(&far, &[0; 3], &view, 1.0), far, "behind an edge");
+    }
+
+    #[test]
+    fn what_moves_is_where_it_was_at_its_own_moment() {
+        let (mut set, mut view) = scene(&TWO);
+        set.velocities = vec![[2.0, 0.0, 0.0]; 3];
+        set.times = vec![-0.5; 3];
+        set.attributes.iter_mut().for_each(|row| row[MEAN.start] -= 1.0);
+        view.pinhole.time = 0.0;
+        let moved = merged(&set, &[0; 3], &view, 1.0);
+        let (still, _) = scene(&TWO);
+        let still = merged(&still, &[0; 3], &view, 1.0);
+        assert_eq!(moved.len(), 2);
+        assert!((moved.attributes[0][MEAN.start] + 1.0 - still.attributes[0][MEAN.start]).abs() < 1e-5);
+    }
+}
