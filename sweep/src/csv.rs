@@ -2,12 +2,13 @@
 
 use super::{setting::word, table::Row};
 
-const HEAD: [&str; 29] = [
+const HEAD: [&str; 30] = [
     "clip",
     "name",
     "weights",
     "weights_sha256",
     "background",
+    "coarseness",
     "refine_steps",
     "adam_steps",
     "refine_views",
@@ -69,6 +70,7 @@ fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
         of_network(&|network| network.weights.name.clone()),
         of_network(&|network| network.weights.sha256.clone()),
         word(&row.setting.background),
+        row.setting.coarseness.to_string(),
         of_network(&|_| refine.learned.to_string()),
         refine.adam.to_string(),
         refine.views.map_or(String::new(), |views| views.to_string()),

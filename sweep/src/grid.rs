@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 
 use lgs_engine::{
     densify::{Density, Limit},
-    gaussians::background::Mode,
+    gaussians::{Coarseness, Start, background::Mode},
     refine::LineSearch,
 };
 
@@ -15,6 +15,8 @@ use super::setting::{Network, Refine, Setting, Switch, THETA, Weights};
 pub struct Axes {
     /// Backgrounds.
     pub background: Vec<Mode>,
+    /// How coarse scenes are to begin with.
+    pub coarseness: Vec<Coarseness>,
     /// Steps of the learned refinement.
     pub refine_steps: Vec<usize>,
     /// Whether the query runs.
@@ -96,16 +98,22 @@ pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
             }
         }
     };
-    for &background in &axes.background {
+    for Start { background, coarseness } in starts(axes) {
         for (index, model) in models.iter().enumerate() {
             for network in networks(axes, model) {
-                let of = |refine| Setting { background, network: Some(network.clone()), refine };
+                let of = |refine| Setting { background, coarseness, network: Some(network.clone()), refine };
                 add(Some(index), &of, &axes.refine_steps, &axes.then_adam);
             }
         }
-        add(None, &|refine| Setting { background, network: None, refine }, &[0], &axes.adam);
+        add(None, &|refine| Setting { background, coarseness, network: None, refine }, &[0], &axes.adam);
     }
     runs
+}
+
+/// What scenes begin with.
+fn starts(axes: &Axes) -> impl Iterator<Item = Start> {
+    let of = |&background| axes.coarseness.iter().map(move |&coarseness| Start { background, coarseness });
+    axes.background.iter().flat_map(of)
 }
 
 /// The ways to search for the lengths of so many learned steps that differ.
@@ -171,6 +179,7 @@ mod tests {
     fn axes() -> Axes {
         Axes {
             background: vec![Mode::Auto, Mode::Off],
+            coarseness: vec![Coarseness::default()],
             refine_steps: vec![0, 3],
             query: vec![Switch::On, Switch::Off],
             density: vec![Density::Policy, Density::Off],
@@ -203,6 +212,15 @@ mod tests {
         assert_eq!(all.len(), 2);
         assert_eq!(all[0].settings.iter().map(Setting::steps).collect::<Vec<_>>(), [10, 30]);
         assert!(runs(&Axes { adam: Vec::new(), ..axes() }, &[]).is_empty());
+    }
+
+    #[test]
+    fn every_background_is_as_coarse_as_every_value_says() {
+        let coarseness = vec![Coarseness::FINEST, Coarseness::default()];
+        let all = runs(&Axes { coarseness: coarseness.clone(), ..axes() }, &[]);
+        let found: Vec<(Mode, Coarseness)> =
+            all.iter().map(|run| (run.settings[0].background, run.settings[0].coarseness)).collect();
+        assert_eq!(found, [Mode::Auto, Mode::Off].map(|mode| [0, 1].map(|k| (mode, coarseness[k]))).concat());
     }
 
     #[test]

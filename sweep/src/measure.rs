@@ -50,6 +50,8 @@ pub struct Cost {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counts {
+    /// Returns that some input camera sees.
+    pub returns: usize,
     /// `LiDAR` branch at the beginning.
     pub initial: usize,
     /// Taken from it.
@@ -64,8 +66,8 @@ pub struct Counts {
 
 impl From<GaussianCounts> for Counts {
     fn from(counts: GaussianCounts) -> Self {
-        let GaussianCounts { initial, pruned, added, last, background } = counts;
-        Self { initial, pruned, added, last, background }
+        let GaussianCounts { returns, initial, pruned, added, last, background } = counts;
+        Self { returns, initial, pruned, added, last, background }
     }
 }
 
@@ -141,7 +143,7 @@ impl Bench<'_> {
         let Some(last) = run.settings.last() else { return Ok(()) };
         let mut watch = Watch::new(&Silent);
         let network = self.network(run, last)?;
-        let mut made = reconstruct(self.inputs, last.background, network.as_ref(), &mut watch)?;
+        let mut made = reconstruct(self.inputs, last.start(), network.as_ref(), &mut watch)?;
         self.optimise(&mut made, run, last.refine, &mut watch, show);
         Ok(())
     }

@@ -26,6 +26,7 @@ impl Setting {
         }
         Some(Recipe {
             background: self.background,
+            coarseness: self.coarseness,
             network: network.is_some(),
             query: network.is_some_and(|network| network.query == Switch::On),
             density: network.map_or(Density::Off, |network| network.density),
@@ -79,7 +80,7 @@ fn clip(record: &ClipRecord) -> Option<RecordedClip> {
     Some(RecordedClip {
         name: record.clip.clone(),
         work: ClipWork {
-            points: record.points.first()?.accuracy.gaussians.initial,
+            points: record.points.first()?.accuracy.gaussians.returns,
             pixels: record.work.input_pixels,
             views: record.work.input_views,
         },

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use clap::ValueEnum;
 use lgs_engine::{
     densify::{Density, Limit},
-    gaussians::background::Mode,
+    gaussians::{Coarseness, Start, background::Mode},
     refine::LineSearch,
 };
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,8 @@ pub struct Refine {
 pub struct Setting {
     /// Where the background comes from.
     pub background: Mode,
+    /// How coarse the scene is to begin with.
+    pub coarseness: Coarseness,
     /// How the network is used; `None` without one.
     pub network: Option<Network>,
     /// How it is refined.
@@ -85,6 +87,11 @@ pub fn word(value: &impl ValueEnum) -> String {
 }
 
 impl Setting {
+    /// What its scene begins with.
+    pub const fn start(&self) -> Start {
+        Start { background: self.background, coarseness: self.coarseness }
+    }
+
     /// Whether it is the reference: per-scene optimisation without a network.
     pub const fn is_reference(&self) -> bool {
         self.network.is_none()
@@ -112,6 +119,7 @@ impl Setting {
     /// The words of `lgs-infer` that ask for it, `--weights` left out.
     pub fn flags(&self) -> Vec<String> {
         let mut flags = vec![format!("--background {}", word(&self.background))];
+        flags.extend((!self.coarseness.is_usual()).then(|| format!("--coarseness {}", self.coarseness)));
         let Refine { learned, adam, views, reduce, line_search } = self.refine;
         flags.extend(self.network.is_some().then(|| format!("--refine-steps {learned}")));
         flags.extend((!line_search.is_every()).then(|| format!("--line-search {}", word(&line_search))));
@@ -161,6 +169,7 @@ impl Setting {
             Mode::Off => parts.push("no background".to_owned()),
             other => parts.push(format!("background {}", word(&other))),
         }
+        parts.extend((!self.coarseness.is_usual()).then(|| format!("coarseness {}", self.coarseness)));
         parts.join(", ")
     }
 }

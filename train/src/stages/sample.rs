@@ -1,7 +1,7 @@
 //! What one step is computed from: input views, target views, the initial Gaussians.
 
 use lgs_engine::{
-    gaussians::{GaussianSet, background::Mode},
+    gaussians::{Coarseness, GaussianSet, Start},
     pipeline::{Flags, Inputs, Silent, Watch, check_memory, check_refinement, reconstruct},
     views::{ClipFrame, Role, View, load_views},
 };
@@ -21,6 +21,10 @@ use crate::{
 
 /// Share of the steps that start from disturbed Gaussians.
 const DISTURBED: f64 = 0.1;
+/// Share of the steps that start as coarse as usual.
+const USUAL: f64 = 0.6;
+/// Coarseness of the others.
+const COARSENESS: [f64; 2] = [0.0, 2.0];
 /// Largest distance by which the clip frame is moved, metres: voxels fall elsewhere.
 const MOVED: f64 = 5.0;
 /// What lowers the number of the views of a step, and of the sweeps behind them.
@@ -73,7 +77,8 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     }
     let frames = draw.selection().frames(draw.dir().clip())?;
     let start = Inputs::new(draw.dir(), &frames, frame, inputs)?;
-    let mut scene = reconstruct(&start, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
+    let begun = Start { coarseness: coarseness(&mut dice), ..Start::default() };
+    let mut scene = reconstruct(&start, begun, None, &mut Watch::new(&Silent))?.scene;
     let mut inputs = start.into_views();
     let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
         .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
@@ -92,6 +97,14 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         targets = inputs.split_off(num_inputs);
     }
     Ok(Sample { step, scene, inputs, targets, velocities, dice })
+}
+
+/// How coarse the initial Gaussians of a step are.
+fn coarseness(dice: &mut Dice) -> Coarseness {
+    let [least, most] = COARSENESS;
+    let usual = dice.chance(USUAL);
+    let other = Coarseness::new(dice.uniform(least, most));
+    other.filter(|_| !usual).unwrap_or_default()
 }
 
 /// The clip frame of a draw, turned about its vertical axis and moved.

@@ -1,7 +1,11 @@
 //! Flags of the grid: the values along each axis.
 
 use clap::{Args, Parser};
-use lgs_engine::{densify::Density, gaussians::background::Mode, refine::LineSearch};
+use lgs_engine::{
+    densify::Density,
+    gaussians::{Coarseness, background::Mode},
+    refine::LineSearch,
+};
 use lgs_sweep::{grid::Axes, setting::Switch};
 
 use crate::values::{Most, Views, most, reduce, steps, theta, views};
@@ -32,6 +36,10 @@ pub(crate) struct GridArgs {
     /// Backgrounds
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "auto,gaps")]
     background: Vec<Mode>,
+
+    /// How coarse scenes are to begin with, 0 to 8
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "1")]
+    coarseness: Vec<Coarseness>,
 
     /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10,20,30", value_parser = steps::<100_000>)]
@@ -80,6 +88,7 @@ impl GridArgs {
     pub(crate) fn axes(&self) -> Axes {
         Axes {
             background: self.background.clone(),
+            coarseness: self.coarseness.clone(),
             refine_steps: self.refine_steps.clone(),
             query: self.query.clone(),
             density: self.density.clone(),

@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_sweep::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 20] = [
+const OTHERS: [&str; 21] = [
     "clips",
     "refine_steps",
     "query",
@@ -15,6 +15,7 @@ const OTHERS: [&str; 20] = [
     "theta",
     "max_gaussians",
     "background",
+    "coarseness",
     "also",
     "adam",
     "no_adam",
