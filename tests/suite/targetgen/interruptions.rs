@@ -135,7 +135,7 @@ fn disk_full() -> Outcome {
     let place = tempfile::tempdir()?;
     let want = undisturbed(place.path())?;
     let arguments = [&["list", "--out", "disk/got", "--resume"], SMALL.as_slice()].concat();
-    let disk = SmallDisk::new(&place.path().join("disk"), "size=4m");
+    let disk = SmallDisk::new(&place.path().join("disk"), "size=1m");
     let full = match &disk {
         Some(_) => targetgen(place.path(), &arguments)?,
         None => limited(place.path(), &arguments)?,
