@@ -29,6 +29,16 @@ impl Coarseness {
         if self == Self::FINEST { 1.0 } else { usual * self.factor().max(1.0) }
     }
 
+    /// Largest variance of the colours of so many pixels around their mean. It falls with the root of their number: what is spread over more
+    /// pixels is seen more easily.
+    ///
+    /// # Formula
+    /// `(factor usual)^2 / sqrt(pixels / 4)`, `usual` the root mean square for four pixels.
+    pub(super) fn colour_variance(self, usual: f32, pixels: f32) -> f32 {
+        let most = self.factor() * usual;
+        most * most / (pixels / 4.0).sqrt()
+    }
+
     /// The coarseness nearest to a number; `None` beyond 0 to 8 and for what is no number.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8000")]
     pub fn new(factor: f64) -> Option<Self> {

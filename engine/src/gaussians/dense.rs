@@ -15,8 +15,6 @@ const SHAPES: [[usize; 2]; 12] =
 const LONGEST: f32 = 3.0;
 /// Root mean square of the colours around their mean, of the returns and of the pixels, that rectangles of four pixels may have.
 const COLOUR: f32 = 0.026;
-/// It falls with this power of the number of pixels.
-const COLOUR_FALL: f32 = 0.25;
 /// Inverse depths may be away from their mean by this share.
 const DEPTH: f32 = 0.06;
 /// Standard deviation of a drawn Gaussian over the sides of its rectangle.
@@ -74,34 +72,35 @@ fn of_view(set: &GaussianSet, frames: &[u32], view: &View, coarseness: Coarsenes
     let (width, height) = (view.pinhole.width, view.pinhole.height);
     let all = seen_in(set, frames, view, fate);
     let first = first_by_pixel(&all, view.pinhole.num_pixels());
-    let mut taken = vec![false; all.len()];
-    let mut group = Vec::new();
+    // A rectangle takes all returns of its pixels that are left, so that pixels are taken as a whole.
+    let mut taken = vec![false; view.pinhole.num_pixels()];
+    let pixels: Vec<usize> = all.chunk_by(|a, b| a.pixel == b.pixel).map(|run| run[0].pixel).collect();
+    let mut group: Vec<Seen> = Vec::new();
     for size in SHAPES {
         if size[0].max(size[1]) as f32 > coarseness.most(LONGEST) {
             continue;
         }
-        for start in 0..all.len() {
-            let [column, line] = [all[start].pixel % width, all[start].pixel / width];
-            // Every place of the rectangle in whose first row this return is.
+        for &pixel in &pixels {
+            let [column, line] = [pixel % width, pixel / width];
+            // Every place of the rectangle in whose first row this pixel is.
             for left in (column.saturating_sub(size[0] - 1)..=column).rev() {
-                if taken[start] {
+                if taken[pixel] {
                     break;
                 }
                 if left + size[0] > width || line + size[1] > height {
                     continue;
                 }
-                let row_of = |r: usize| first[r * width + left]..first[r * width + left + size[0]];
+                let inside = || (line..line + size[1]).flat_map(|r| r * width + left..r * width + left + size[0]);
                 group.clear();
-                group.extend((line..line + size[1]).flat_map(row_of).filter(|&k| !taken[k]));
+                inside().filter(|&p| !taken[p]).for_each(|p| group.extend(&all[first[p]..first[p + 1]]));
                 if group.len() < 2 {
                     continue;
                 }
-                let returns: Vec<Seen> = group.iter().map(|&k| all[k]).collect();
-                if let Some(row) = together(set, view, &returns, ([left, line], size), coarseness) {
-                    group.iter().for_each(|&k| taken[k] = true);
-                    returns.iter().for_each(|seen| fate[seen.index] = Fate::Goes);
-                    let place = returns.iter().map(|seen| seen.index).min().unwrap_or(all[start].index);
-                    fate[place] = Fate::Becomes(row);
+                if let Some(row) = together(set, view, &group, ([left, line], size), coarseness) {
+                    inside().for_each(|p| taken[p] = true);
+                    group.iter().for_each(|seen| fate[seen.index] = Fate::Goes);
+                    let place = group.iter().map(|seen| seen.index).min();
+                    place.into_iter().for_each(|index| fate[index] = Fate::Becomes(row));
                 }
             }
         }
@@ -172,8 +171,8 @@ fn colour(view: &View, returns: &[Seen], (corner, size): Rectangle, coarseness: 
     let pixels = rows.flat_map(|r| (corner[0]..corner[0] + size[0]).map(move |c| 3 * (r * view.pinhole.width + c)));
     let of_pixels = pixels.map(|at| away([0, 1, 2].map(|k| view.image.data[at + k]))).sum::<f32>() / num_pixels;
     let of_returns = returns.iter().map(|seen| away(seen.colour)).sum::<f32>() / count;
-    let most = coarseness.factor() * COLOUR * (num_pixels / 4.0).powf(-COLOUR_FALL);
-    (of_pixels.max(of_returns) <= most * most).then_some(mean)
+    let most = coarseness.colour_variance(COLOUR, num_pixels);
+    (of_pixels <= most && of_returns <= most).then_some(mean)
 }
 
 /// The plane around `middle` (pixels) on which returns lie; `None` where their inverse depths are further apart than a share.

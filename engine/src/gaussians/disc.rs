@@ -6,7 +6,7 @@ use super::{LOG_SCALE, MEAN, NUM_ATTRIBUTES, QUAT};
 use crate::views::{PinholeView, Projected};
 
 /// Variance that the renderer adds to every projected Gaussian, square pixels.
-const BLUR: f32 = 0.3;
+pub(super) const BLUR: f32 = 0.3;
 /// Smallest projected standard deviation before that, pixels.
 const SIGMA_PX: f32 = 0.12;
 /// Thickness over the shorter of the two other axes.

@@ -8,7 +8,7 @@ use crate::{
 
 /// Side of the smallest blocks that get one Gaussian each, pixels.
 const BLOCK: usize = 6;
-/// How often four blocks become one at a coarseness of 1 or more.
+/// How often four blocks become one, unless a scene is to be the finest.
 const DOUBLINGS: u32 = 2;
 /// Standard deviation, blocks.
 const SIGMA_BLOCKS: f32 = 0.6;
@@ -16,9 +16,9 @@ const SIGMA_BLOCKS: f32 = 0.6;
 const BEHIND: f32 = 0.8;
 /// Pixels within this factor of the farthest inverse depth give the colour.
 const ALIKE: f32 = 1.2;
-/// Largest factor between the inverse depths of four blocks that become one.
-const SAME_DEPTH: f32 = 1.25;
-/// Largest difference of a channel of their colours.
+/// Largest difference between the inverse depths of four blocks that become one, a share of the smallest, at a coarseness of 1.
+const SAME_DEPTH: f32 = 0.25;
+/// Largest difference of a channel of their colours, at a coarseness of 1.
 const SAME_COLOUR: f32 = 0.06;
 /// Opacity.
 const OPACITY: f32 = 0.95;
@@ -43,9 +43,9 @@ struct Grid {
 /// the colour of what is that far away. Four blocks behind which there is the same become one.
 pub(super) fn rows(view: &View, sheet: &Sheet, coarseness: Coarseness) -> Vec<[f32; NUM_ATTRIBUTES]> {
     let mut grids = vec![Grid::finest(view, sheet)];
-    let doublings = if coarseness >= Coarseness::default() { DOUBLINGS } else { 0 };
+    let doublings = if coarseness == Coarseness::FINEST { 0 } else { DOUBLINGS };
     for _ in 0..doublings {
-        let next = grids.last_mut().map(Grid::doubled);
+        let next = grids.last_mut().map(|grid| grid.doubled(coarseness.factor()));
         grids.extend(next);
     }
     grids.iter().flat_map(|grid| grid.rows(view)).collect()
@@ -61,14 +61,14 @@ impl Grid {
     }
 
     /// The grid of blocks of twice the side where four are alike; these are taken out here.
-    fn doubled(&mut self) -> Self {
+    fn doubled(&mut self, factor: f32) -> Self {
         let rows = self.cells.len() / self.columns.max(1);
         let (columns, rows) = (self.columns / 2, rows / 2);
         let of_four = |i: usize| {
             let corner = i / columns * 2 * self.columns + i % columns * 2;
             let places = [corner, corner + 1, corner + self.columns, corner + self.columns + 1];
             let [Some(a), Some(b), Some(c), Some(d)] = places.map(|place| self.cells[place]) else { return None };
-            let joined = joined([a, b, c, d])?;
+            let joined = joined([a, b, c, d], factor)?;
             places.iter().for_each(|&place| self.cells[place] = None);
             Some(joined)
         };
@@ -88,12 +88,12 @@ impl Grid {
 }
 
 /// What is behind four blocks together; `None` where that differs.
-fn joined(four: [Behind; 4]) -> Option<Behind> {
+fn joined(four: [Behind; 4], factor: f32) -> Option<Behind> {
     let farthest = four.iter().map(|block| block.farthest).fold(f32::INFINITY, f32::min);
     let mean = [0, 1, 2].map(|k| 0.25 * four.iter().map(|block| block.colour[k]).sum::<f32>());
     let alike = |block: &Behind| {
-        let near = |k: usize| (block.colour[k] - mean[k]).abs() <= 0.5 * SAME_COLOUR;
-        block.farthest <= SAME_DEPTH * farthest && (0..3).all(near)
+        let near = |k: usize| (block.colour[k] - mean[k]).abs() <= 0.5 * factor * SAME_COLOUR;
+        block.farthest <= (1.0 + factor * SAME_DEPTH) * farthest && (0..3).all(near)
     };
     four.iter().all(alike).then_some(Behind { farthest, colour: mean })
 }

@@ -39,31 +39,8 @@ const SHAPES: [[usize; 2]; 26] = [
 const LONGEST: f32 = 16.0;
 /// Root mean square of the colours around their mean that four pixels may have.
 const COLOUR: f32 = 0.015;
-/// It falls with this power of the number of pixels: what is spread over more pixels is seen more easily.
-const COLOUR_FALL: f32 = 0.25;
 /// Inverse depths may be away from the plane through all of them by this share, and by so much more, 1 / metres.
 const DEPTH: [f32; 2] = [0.1, 0.001];
-
-/// How different the pixels of a rectangle may be.
-#[derive(Clone, Copy, Debug)]
-struct Tolerance {
-    colour: f32,
-    depth: [f32; 2],
-    longest: f32,
-}
-
-impl Tolerance {
-    fn of(coarseness: Coarseness) -> Self {
-        let factor = coarseness.factor();
-        Self { colour: factor * COLOUR, depth: DEPTH.map(|d| factor * d), longest: coarseness.most(LONGEST) }
-    }
-
-    /// Largest variance of the colours of so many pixels.
-    fn variance(&self, pixels: f32) -> f32 {
-        let most = self.colour * (pixels / 4.0).powf(-COLOUR_FALL);
-        most * most
-    }
-}
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,11 +88,10 @@ pub(super) fn blocks(view: &View, sheet: &Sheet, open: &[bool], coarseness: Coar
     let known = |pixel: usize| open[pixel] && sheet.inverse_depths[pixel] > 0.0 && !is_ignored(view, pixel);
     let mut left: Vec<bool> = (0..open.len()).map(known).collect();
     let mut left_in_row: Vec<usize> = left.chunks(width.max(1)).map(|row| row.iter().filter(|&&l| l).count()).collect();
-    let tolerance = Tolerance::of(coarseness);
     let mut found = Vec::new();
     for size in SHAPES {
         let [columns, rows] = size;
-        if columns.max(rows) as f32 > tolerance.longest || columns > width || rows > height {
+        if columns.max(rows) as f32 > coarseness.most(LONGEST) || columns > width || rows > height {
             continue;
         }
         // Steps of half a side: finer ones find hardly more.
@@ -124,7 +100,7 @@ pub(super) fn blocks(view: &View, sheet: &Sheet, open: &[bool], coarseness: Coar
             while column <= width - columns && left_in_row[row] >= columns {
                 let block = Block::new([column, row], size);
                 let free = block.pixels(width).all(|pixel| left[pixel]);
-                column += match free.then(|| fitted(view, sheet, block, tolerance)).flatten() {
+                column += match free.then(|| fitted(view, sheet, block, coarseness)).flatten() {
                     Some(block) => {
                         block.pixels(width).for_each(|pixel| left[pixel] = false);
                         left_in_row[row..row + rows].iter_mut().for_each(|count| *count -= columns);
@@ -145,7 +121,7 @@ pub(super) fn blocks(view: &View, sheet: &Sheet, open: &[bool], coarseness: Coar
 }
 
 /// A rectangle of pixels that are alike, with their plane; `None` where they are not.
-fn fitted(view: &View, sheet: &Sheet, block: Block, tolerance: Tolerance) -> Option<Block> {
+fn fitted(view: &View, sheet: &Sheet, block: Block, coarseness: Coarseness) -> Option<Block> {
     let (width, count) = (view.pinhole.width, block.num_pixels());
     let colour = |pixel: usize| -> [f32; 3] { std::array::from_fn(|k| view.image.data[3 * pixel + k]) };
     // From the first one: small numbers have small rounding errors.
@@ -160,10 +136,10 @@ fn fitted(view: &View, sheet: &Sheet, block: Block, tolerance: Tolerance) -> Opt
         }
     }
     let variance = (squares - sums.map(|s| s * s / count).iter().sum::<f32>()) / (3.0 * count);
-    if variance > tolerance.variance(count) {
-        return None;
-    }
-    plane(sheet, &block, width, tolerance.depth).map(|plane| Block { plane, ..block })
+    // Written so that a colour that is no number is like no other.
+    let alike = variance <= coarseness.colour_variance(COLOUR, count);
+    let depth = DEPTH.map(|d| coarseness.factor() * d);
+    alike.then(|| plane(sheet, &block, width, depth)).flatten().map(|plane| Block { plane, ..block })
 }
 
 /// The plane of least squares through the inverse depths; `None` where one of them is too far from it.

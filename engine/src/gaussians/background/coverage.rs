@@ -4,12 +4,10 @@ use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::{
-    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, physical::sigmoid},
+    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, disc::BLUR, physical::sigmoid},
     views::PinholeView,
 };
 
-/// Variance that the renderer adds to every projected Gaussian, square pixels.
-const BLUR: f32 = 0.3;
 /// Weight below which the renderer skips a Gaussian.
 const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// Shapes are projected as in the image widened by this share of the tangent of half the field of view, as the renderer does.
