@@ -16,8 +16,8 @@ use crate::{
 pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
-/// quaternions of length one (the identity for one without direction), velocities and times beside the usual properties. With
-/// a policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
+/// quaternions of length one (the identity for one without direction), velocities, times and frames beside the usual properties. With a
+/// policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
@@ -36,6 +36,7 @@ pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<Splat
         sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (c - 0.5) / SH_DC)).collect(),
         velocities: set.velocities.clone(),
         times: set.times.clone(),
+        frames: Some(set.frames.clone()),
         extra: density.map(|map| score_columns(map, set.len())).unwrap_or_default(),
     })
 }
@@ -102,6 +103,7 @@ mod tests {
         GaussianSet {
             attributes: vec![row; 2],
             times: vec![0.1, 0.0],
+            frames: vec![2, 0],
             velocities: vec![[5.0, 0.0, 0.0], [0.0; 3]],
             num_lidar: 1,
         }
@@ -114,6 +116,7 @@ mod tests {
         assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
         assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
         assert_eq!(cloud.logit_opacities, [0.25; 2]);
+        assert_eq!(cloud.frames, Some(vec![2, 0]));
         cloud.quats[0].into_iter().zip([0.0, 0.6, 0.0, 0.8]).for_each(|(got, want)| near(got, want));
         // scales clamped to 1e-4..1 m, in the background below only
         cloud.log_scales[0].into_iter().zip([-1.0, 0.0, 1e-4_f32.ln()]).for_each(|(got, want)| near(got, want));

@@ -30,7 +30,7 @@ pub enum QuerySkipped {
     Off,
     /// The model has none.
     NotInModel,
-    /// All primitives are of one timestamp: there is nobody to ask.
+    /// All primitives are of one frame, or of frames of one moment: there is nobody to ask.
     SingleTimestamp,
 }
 
@@ -54,29 +54,39 @@ pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
     Ok(Features { rows, buffers })
 }
 
-/// The `k` nearest of other timestamps of every primitive of the `LiDAR` branch; `None` when all are of one.
+/// For every primitive of the `LiDAR` branch the first frame of its moment: frames of a single time, the same for all of them, are one moment;
+/// any other frame is one by itself, whatever the times of its returns.
+fn moments(set: &GaussianSet) -> Vec<u32> {
+    let rows = || set.frames[..set.num_lidar].iter().zip(&set.times);
+    let mut time_of = BTreeMap::new();
+    for (&frame, time) in rows() {
+        let time = Some(time.to_bits());
+        let known = time_of.entry(frame).or_insert(time);
+        *known = known.filter(|_| *known == time);
+    }
+    let mut first_of = BTreeMap::new();
+    let first = |(&frame, &time): (&u32, &Option<u32>)| {
+        (frame, time.map_or(frame, |time| *first_of.entry(time).or_insert(frame)))
+    };
+    let moment_of: BTreeMap<u32, u32> = time_of.iter().map(first).collect();
+    rows().map(|(frame, _)| moment_of[frame]).collect()
+}
+
+/// The `k` nearest of other frames of every primitive of the `LiDAR` branch; `None` when all are of one.
 ///
 /// # Errors
 /// When a position is not finite.
 pub fn other_time_neighbours(set: &GaussianSet, k: usize) -> Result<Option<Neighbours>> {
-    let mut index_of = BTreeMap::new();
-    let times: Vec<u32> = set.times[..set.num_lidar]
-        .iter()
-        .map(|time| {
-            let next = index_of.len();
-            *index_of.entry(time.to_bits()).or_insert(next)
-        })
-        .map(|index| u32::try_from(index).unwrap_or(u32::MAX))
-        .collect();
-    if index_of.len() < 2 {
+    let groups = moments(set);
+    if groups.iter().all(|group| *group == groups[0]) {
         return Ok(None);
     }
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
     let points: Vec<[f32; 3]> = positions(set, &chosen).collect();
-    Ok(Some(nearest_other_time(&points, &times, k)?))
+    Ok(Some(nearest_other_time(&points, &groups, k)?))
 }
 
-/// Lets every primitive ask its nearest of other timestamps; says why where it does not.
+/// Lets every primitive ask its nearest of other frames; says why where it does not.
 ///
 /// # Errors
 /// When a position is not finite.
@@ -200,5 +210,45 @@ impl PolicyInputs {
             row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
         }
         Ok(Some(Self { rows: levels.mean_of_points(&rows, width + EXTRA_INPUTS), geometry, site_of: levels.site_of }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{GaussianSet, other_time_neighbours};
+
+    /// Three frames of twenty primitives each, all over the same place.
+    fn scene(time: impl Fn(u32, u32) -> f32) -> GaussianSet {
+        let mut set = GaussianSet::default();
+        for (frame, i) in (0..3).flat_map(|frame| (0..20).map(move |i| (frame, i))) {
+            let mut row = [0.0; 14];
+            row[0] = (i * 7 % 20) as f32 + 0.3 * frame as f32;
+            set.attributes.push(row);
+            set.times.push(time(frame, i));
+            set.frames.push(frame);
+            set.velocities.push([0.0; 3]);
+        }
+        set.num_lidar = set.len();
+        set
+    }
+
+    #[test]
+    fn times_of_returns_leave_neighbours_as_they_are() {
+        let whole = |frame: u32| 0.1 * frame as f32;
+        let want = other_time_neighbours(&scene(|frame, _| whole(frame)), 8).unwrap().unwrap();
+        let set = scene(|frame, i| whole(frame) + 0.005 * i as f32 - 0.05);
+        let found = other_time_neighbours(&set, 8).unwrap().unwrap();
+        assert_eq!(found.indices, want.indices);
+        let own = |i: usize| found.of(i).iter().any(|&j| set.frames[j as usize] == set.frames[i]);
+        assert!(!(0..set.len()).any(own), "one of its own frame, of another time");
+    }
+
+    #[test]
+    fn a_frame_alone_and_frames_of_one_moment_ask_nobody() {
+        let mut set = scene(|_, i| 0.005 * i as f32);
+        set.frames.fill(4);
+        assert!(other_time_neighbours(&set, 8).unwrap().is_none());
+        assert!(other_time_neighbours(&scene(|_, _| 0.3), 8).unwrap().is_none());
+        assert!(other_time_neighbours(&GaussianSet::default(), 8).unwrap().is_none());
     }
 }

@@ -20,6 +20,8 @@ pub struct SplatCloud {
     pub velocities: Vec<[f32; 3]>,
     /// `[N]` times at which the splats stand at their means, seconds.
     pub times: Vec<f32>,
+    /// `[N]` indices of the clip's frames that the splats come from; `None` where nothing says so.
+    pub frames: Option<Vec<u32>>,
     /// Further columns of N values, by name, in file order.
     pub extra: Vec<(String, Vec<f32>)>,
 }

@@ -43,11 +43,10 @@ impl Round {
     pub fn new(set: &GaussianSet, config: &TargetsConfig, seed: u64, round: u8) -> Self {
         let removed = sampled(seed, round, set.num_lidar, config.rho);
         let chosen: Vec<u32> = (0..).zip(&removed).filter(|(_, removed)| **removed).map(|(i, _)| i).collect();
-        let mut copies = GaussianSet { num_lidar: chosen.len(), ..GaussianSet::default() };
-        for i in chosen.iter().map(|&i| i as usize) {
-            copies.attributes.push(copy_of(set, i, displacement(seed, round, i, config.noise_m)));
-            copies.times.push(set.times[i]);
-            copies.velocities.push(set.velocities[i]);
+        let rows: Vec<usize> = chosen.iter().map(|&i| i as usize).collect();
+        let mut copies = set.select(&rows, rows.len());
+        for (row, &i) in copies.attributes.iter_mut().zip(&rows) {
+            *row = copy_of(set, i, displacement(seed, round, i, config.noise_m));
         }
         Self { chosen, removed, copies }
     }

@@ -118,10 +118,7 @@ pub fn generate(
     let (add, add_mask) = stored(&found.actions.add);
     let Targets { prune, add, moments } = targets([&prune, &add], [&prune_mask, &add_mask], config);
     let mut set = scene.set;
-    let n = set.num_lidar;
-    set.attributes.truncate(n);
-    set.times.truncate(n);
-    set.velocities.truncate(n);
+    set.drop_background();
     let clip = ClipTargets {
         index: found.index,
         samples: found.samples,
@@ -130,6 +127,7 @@ pub fn generate(
         moments: moments.map(|moments| [moments.mean, moments.deviation]),
         gaussians: set.attributes,
         times: set.times,
+        frames: Some(set.frames),
         velocities: set.velocities,
         features: scene.features,
     };

@@ -28,29 +28,18 @@ fn branches(set: &GaussianSet, round: &Round) -> [GaussianSet; 2] {
     let mut with = GaussianSet { num_lidar: set.num_lidar + round.chosen.len(), ..GaussianSet::default() };
     for i in 0..set.len() {
         if i == set.num_lidar {
-            extend(&mut with, &round.copies);
+            with.append(&round.copies);
         }
-        let one = GaussianSet {
-            attributes: vec![set.attributes[i]],
-            times: vec![set.times[i]],
-            velocities: vec![set.velocities[i]],
-            num_lidar: 1,
-        };
-        extend(&mut with, &one);
+        let one = set.select(&[i], 1);
+        with.append(&one);
         if !round.removed.get(i).is_some_and(|&removed| removed) {
-            extend(&mut without, &one);
+            without.append(&one);
         }
     }
     if set.len() == set.num_lidar {
-        extend(&mut with, &round.copies);
+        with.append(&round.copies);
     }
     [without, with]
-}
-
-fn extend(set: &mut GaussianSet, other: &GaussianSet) {
-    set.attributes.extend(&other.attributes);
-    set.times.extend(&other.times);
-    set.velocities.extend(&other.velocities);
 }
 
 fn gradients(problem: &Problem<'_>, set: &GaussianSet) -> Vec<Row> {

@@ -105,6 +105,7 @@ fn written(cloud: &SplatCloud) -> Columns {
     put(&["rot_0", "rot_1", "rot_2", "rot_3"], &|i, k| cloud.quats[i][k]);
     put(&["vx", "vy", "vz"], &|i, k| cloud.velocities[i][k]);
     put(&["t"], &|i, _| cloud.times[i]);
+    put(&["frame"], &|i, _| cloud.frames.as_ref().map_or(f32::NAN, |frames| frames[i] as f32));
     all.extend(cloud.extra.iter().cloned());
     all
 }

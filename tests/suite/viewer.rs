@@ -100,6 +100,7 @@ fn the_slider_moves_what_moves() -> Outcome {
         sh_dc: vec![colour([1.0, 0.0, 0.0]), colour([0.0, 1.0, 0.0])],
         velocities: vec![[2.0, 0.0, 0.0], [0.0; 3]],
         times: vec![0.0; 2],
+        frames: None,
         extra: Vec::new(),
     };
     let mut scene_from_camera = [0.0; 16];

@@ -75,14 +75,14 @@ impl TrueVelocities {
     /// Boxes of the frames `known` alone are read.
     pub fn of(clip: &Clip, frame: &ClipFrame, inputs: &[usize], known: &[usize], start: &GaussianSet) -> Option<Self> {
         let inputs = inputs.iter().filter(|input| clip.frames[**input].boxes.is_some() && known.contains(input));
-        let moving = |input: usize| (frame.time(clip.frames[input].lidar.timestamp), moving_boxes(clip, input, known));
-        let known: Vec<(f32, Vec<MovingBox>)> = inputs.map(|&input| moving(input)).collect();
+        let moving = |input: usize| (input, moving_boxes(clip, input, known));
+        let known: Vec<(usize, Vec<MovingBox>)> = inputs.map(|&input| moving(input)).collect();
         if known.is_empty() {
             return None;
         }
         let world_from_clip = frame.clip_from_world.inverse();
         let truth = |i: usize| {
-            let Some((_, boxes)) = known.iter().find(|(time, _)| *time == start.times[i]) else {
+            let Some((_, boxes)) = known.iter().find(|(input, _)| *input == start.frames[i] as usize) else {
                 return Truth::Unknown;
             };
             let place = [0, 1, 2].map(|k| f64::from(start.attributes[i][MEAN.start + k]));
@@ -232,7 +232,8 @@ mod tests {
         let v = DVec3::new(10.0, 0.0, 0.0);
         let truths = vec![Truth::Moving(v), Truth::Moving(v), Truth::Resting, Truth::Unknown];
         let velocities = vec![[10.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.5, 0.0], [99.0; 3]];
-        let scene = GaussianSet { attributes: vec![[0.0; 14]; 4], times: vec![0.0; 4], velocities, num_lidar: 4 };
+        let (times, frames) = (vec![0.0; 4], vec![0; 4]);
+        let scene = GaussianSet { attributes: vec![[0.0; 14]; 4], times, frames, velocities, num_lidar: 4 };
         let errors = TrueVelocities { truths }.errors(&scene);
         let want = VelocityErrors { moving: 2, speed: 10.0, error: 3.0, relative: 0.3, resting: 1, resting_speed: 0.5 };
         assert_eq!(errors, want);

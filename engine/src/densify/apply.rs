@@ -25,14 +25,9 @@ pub fn apply(set: &GaussianSet, actions: &[Action], seed: u64) -> Result<Gaussia
             found: actions.len().to_string(),
         });
     }
-    let mut updated = GaussianSet::default();
     let origins = origins(actions);
-    for i in origins.iter().copied().chain(set.num_lidar..set.len()) {
-        updated.attributes.push(set.attributes[i]);
-        updated.times.push(set.times[i]);
-        updated.velocities.push(set.velocities[i]);
-    }
-    updated.num_lidar = origins.len();
+    let rows: Vec<usize> = origins.iter().copied().chain(set.num_lidar..set.len()).collect();
+    let mut updated = set.select(&rows, origins.len());
     let copies = set.num_lidar - count(actions).pruned..origins.len();
     for (row, &i) in updated.attributes[copies.clone()].iter_mut().zip(&origins[copies]) {
         row[MEAN].iter_mut().zip(displacement(seed, i)).for_each(|(x, o)| *x += o);

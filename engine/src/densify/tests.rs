@@ -13,6 +13,7 @@ fn set(num_lidar: usize, background: usize) -> GaussianSet {
     GaussianSet {
         attributes: (0..n).map(|i| [i as f32; 14]).collect(),
         times: vec![0.5; n],
+        frames: (0..).take(n).collect(),
         velocities: vec![[1.0; 3]; n],
         num_lidar,
     }

@@ -38,26 +38,23 @@ struct Seen {
 type Rectangle = ([usize; 2], [usize; 2]);
 
 /// Nothing: makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
-/// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set.
-///
-/// # Shapes
-/// `frames` `[N]`: the frame that each Gaussian of the set, all of the `LiDAR` branch, comes from.
-pub fn merge_dense(set: &mut GaussianSet, frames: &[u32], views: &[View], coarseness: Coarseness) {
+/// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set, at the mean of their times.
+/// All of `set` is the `LiDAR` branch.
+pub fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
     if coarseness == Coarseness::FINEST {
         return;
     }
     let mut fate = vec![Fate::Stays; set.len()];
     for view in views.iter().filter(|view| view.role == Role::Input) {
-        of_view(set, frames, view, coarseness, &mut fate);
+        of_view(set, view, coarseness, &mut fate);
     }
     let kept: Vec<usize> = (0..set.len()).filter(|&i| !matches!(fate[i], Fate::Goes)).collect();
-    let attributes = |&i: &usize| if let Fate::Becomes(row) = fate[i] { row } else { set.attributes[i] };
-    *set = GaussianSet {
-        attributes: kept.iter().map(attributes).collect(),
-        times: kept.iter().map(|&i| set.times[i]).collect(),
-        velocities: kept.iter().map(|&i| set.velocities[i]).collect(),
-        num_lidar: kept.len(),
-    };
+    for (i, fate) in fate.iter().enumerate() {
+        if let Fate::Becomes(row, time) = *fate {
+            (set.attributes[i], set.times[i]) = (row, time);
+        }
+    }
+    *set = set.select(&kept, kept.len());
 }
 
 /// What becomes of a Gaussian.
@@ -65,12 +62,13 @@ pub fn merge_dense(set: &mut GaussianSet, frames: &[u32], views: &[View], coarse
 enum Fate {
     Stays,
     Goes,
-    Becomes([f32; NUM_ATTRIBUTES]),
+    /// The one of several, with these attributes and at this time.
+    Becomes([f32; NUM_ATTRIBUTES], f32),
 }
 
-fn of_view(set: &GaussianSet, frames: &[u32], view: &View, coarseness: Coarseness, fate: &mut [Fate]) {
+fn of_view(set: &GaussianSet, view: &View, coarseness: Coarseness, fate: &mut [Fate]) {
     let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let all = seen_in(set, frames, view, fate);
+    let all = seen_in(set, view, fate);
     let first = first_by_pixel(&all, view.pinhole.num_pixels());
     // A rectangle takes all returns of its pixels that are left, so that pixels are taken as a whole.
     let mut taken = vec![false; view.pinhole.num_pixels()];
@@ -96,11 +94,11 @@ fn of_view(set: &GaussianSet, frames: &[u32], view: &View, coarseness: Coarsenes
                 if group.len() < 2 {
                     continue;
                 }
-                if let Some(row) = together(set, view, &group, ([left, line], size), coarseness) {
+                if let Some((row, time)) = together(set, view, &group, ([left, line], size), coarseness) {
                     inside().for_each(|p| taken[p] = true);
                     group.iter().for_each(|seen| fate[seen.index] = Fate::Goes);
                     let place = group.iter().map(|seen| seen.index).min();
-                    place.into_iter().for_each(|index| fate[index] = Fate::Becomes(row));
+                    place.into_iter().for_each(|index| fate[index] = Fate::Becomes(row, time));
                 }
             }
         }
@@ -108,9 +106,9 @@ fn of_view(set: &GaussianSet, frames: &[u32], view: &View, coarseness: Coarsenes
 }
 
 /// The returns of a view's own frame that it shows and that are still what they were, by pixel.
-fn seen_in(set: &GaussianSet, frames: &[u32], view: &View, fate: &[Fate]) -> Vec<Seen> {
+fn seen_in(set: &GaussianSet, view: &View, fate: &[Fate]) -> Vec<Seen> {
     let seen = |index: usize| {
-        let own = u32::try_from(view.frame).is_ok_and(|frame| frame == frames[index]);
+        let own = u32::try_from(view.frame).is_ok_and(|frame| frame == set.frames[index]);
         if !own || !matches!(fate[index], Fate::Stays) {
             return None;
         }
@@ -136,19 +134,16 @@ fn first_by_pixel(all: &[Seen], num_pixels: usize) -> Vec<usize> {
     first
 }
 
-/// The Gaussian of at least two returns in a rectangle; `None` where they are not alike.
+/// The Gaussian of at least two returns in a rectangle, and its time (seconds); `None` where they are not alike.
 fn together(
     set: &GaussianSet,
     view: &View,
     returns: &[Seen],
     (corner, size): Rectangle,
     coarseness: Coarseness,
-) -> Option<[f32; NUM_ATTRIBUTES]> {
+) -> Option<([f32; NUM_ATTRIBUTES], f32)> {
     let lead = returns.first()?.index;
-    let alike = |seen: &Seen| {
-        let (a, b) = (seen.index, lead);
-        set.velocities[a] == set.velocities[b] && set.times[a].to_bits() == set.times[b].to_bits()
-    };
+    let alike = |seen: &Seen| set.velocities[seen.index] == set.velocities[lead];
     let colour = returns.iter().all(alike).then(|| colour(view, returns, (corner, size), coarseness))??;
     let middle = [0, 1].map(|k| corner[k] as f32 + 0.5 * size[k] as f32);
     let plane = plane(returns, middle, coarseness.factor() * DEPTH)?;
@@ -156,10 +151,13 @@ fn together(
         returns.iter().map(|seen| 1.0 - sigmoid(set.attributes[seen.index][LOGIT_OPACITY])).product();
     let mut made = row([0.0; 3], 1.0, (1.0 - shines_through).min(OPACITY), colour);
     put(&mut made, &view.pinhole, (middle, plane), sigmas(size, SIGMA_SHARE));
-    let elapsed = view.pinhole.time - set.times[lead];
+    // From the first one's time, so that the mean of equal times is that time.
+    let later: f32 = returns.iter().map(|seen| set.times[seen.index] - set.times[lead]).sum();
+    let time = set.times[lead] + later / returns.len() as f32;
+    let elapsed = view.pinhole.time - time;
     made[MEAN].iter_mut().zip(set.velocities[lead]).for_each(|(x, v)| *x -= v * elapsed);
     made[LOG_SCALE].iter_mut().for_each(|s| *s = s.clamp(MIN_SCALE.ln(), MAX_SCALE.ln()));
-    Some(made)
+    Some((made, time))
 }
 
 /// The mean colour of returns, where both they and the pixels around them are near it.
@@ -221,13 +219,13 @@ mod tests {
         };
         let attributes: Vec<_> = returns.iter().map(of).collect();
         let count = attributes.len();
-        let (times, velocities) = (vec![0.0; count], vec![[0.0; 3]; count]);
-        (GaussianSet { attributes, times, velocities, num_lidar: count }, view)
+        let (times, frames, velocities) = (vec![0.0; count], vec![0; count], vec![[0.0; 3]; count]);
+        (GaussianSet { attributes, times, frames, velocities, num_lidar: count }, view)
     }
 
-    fn merged(set: &GaussianSet, frames: &[u32], view: &View, factor: f64) -> GaussianSet {
+    fn merged(set: &GaussianSet, view: &View, factor: f64) -> GaussianSet {
         let mut set = set.clone();
-        merge_dense(&mut set, frames, std::slice::from_ref(view), Coarseness::new(factor).unwrap());
+        merge_dense(&mut set, std::slice::from_ref(view), Coarseness::new(factor).unwrap());
         set
     }
 
@@ -236,28 +234,29 @@ mod tests {
     #[test]
     fn returns_of_a_few_pixels_become_one_in_the_place_of_the_first() {
         let (set, view) = scene(&TWO);
-        let found = merged(&set, &[0; 3], &view, 1.0);
+        let found = merged(&set, &view, 1.0);
         assert_eq!((found.len(), found.num_lidar, found.attributes[1]), (2, 2, set.attributes[1]));
         let at = view.pinhole.project([0, 1, 2].map(|k| found.attributes[0][MEAN.start + k])).unwrap();
         assert!((at.u - 10.5).abs() < 1.1 && (at.v - 11.0).abs() < 1.1 && (at.depth - 8.05).abs() < 0.1, "{at:?}");
         assert!(sigmoid(found.attributes[0][LOGIT_OPACITY]) > 0.55);
         assert!(found.attributes[0][LOG_SCALE.start] > set.attributes[0][LOG_SCALE.start]);
-        assert_eq!(merged(&set, &[0; 3], &view, 0.0), set, "the finest stays");
-        assert_eq!(merged(&found, &[0; 2], &view, 1.0).len(), 2, "nothing more to do");
+        assert_eq!(merged(&set, &view, 0.0), set, "the finest stays");
+        assert_eq!(merged(&found, &view, 1.0).len(), 2, "nothing more to do");
     }
 
     #[test]
     fn what_differs_stays_apart() {
-        let (set, view) = scene(&TWO);
-        assert_eq!(merged(&set, &[0, 0, 1], &view, 1.0), set, "another sweep");
+        let (mut other, view) = scene(&TWO);
+        other.frames[2] = 1;
+        assert_eq!(merged(&other, &view, 1.0), other, "another sweep");
         let (mut other, _) = scene(&TWO);
         other.velocities[2] = [3.0, 0.0, 0.0];
-        assert_eq!(merged(&other, &[0; 3], &view, 1.0), other, "another velocity");
+        assert_eq!(merged(&other, &view, 1.0), other, "another velocity");
         let (mut other, _) = scene(&TWO);
         other.attributes[2][LOGIT_COLOUR].fill(2.0);
-        assert_eq!(merged(&other, &[0; 3], &view, 1.0), other, "another colour");
+        assert_eq!(merged(&other, &view, 1.0), other, "another colour");
         let (far, view) = scene(&[TWO[0], TWO[1], ([10.8, 11.7], 10.0)]);
-        assert_eq!(merged(&far, &[0; 3], &view, 1.0), far, "behind an edge");
+        assert_eq!(merged(&far, &view, 1.0), far, "behind an edge");
     }
 
     #[test]
@@ -267,10 +266,26 @@ mod tests {
         set.times = vec![-0.5; 3];
         set.attributes.iter_mut().for_each(|row| row[MEAN.start] -= 1.0);
         view.pinhole.time = 0.0;
-        let moved = merged(&set, &[0; 3], &view, 1.0);
+        let moved = merged(&set, &view, 1.0);
         let (still, _) = scene(&TWO);
-        let still = merged(&still, &[0; 3], &view, 1.0);
+        let still = merged(&still, &view, 1.0);
         assert_eq!(moved.len(), 2);
+        assert!((moved.attributes[0][MEAN.start] + 1.0 - still.attributes[0][MEAN.start]).abs() < 1e-5);
+    }
+
+    #[test]
+    fn returns_of_several_times_become_one_of_their_mean_time() {
+        let (mut set, mut view) = scene(&TWO);
+        set.velocities = vec![[2.0, 0.0, 0.0]; 3];
+        set.times = vec![-0.4, -0.5, -0.6];
+        for (row, time) in set.attributes.iter_mut().zip(&set.times) {
+            row[MEAN.start] += 2.0 * time;
+        }
+        view.pinhole.time = 0.0;
+        let moved = merged(&set, &view, 1.0);
+        let still = merged(&scene(&TWO).0, &view, 1.0);
+        assert_eq!((moved.len(), &moved.frames), (2, &vec![0; 2]));
+        assert!((moved.times[0] + 0.5).abs() < 1e-6 && moved.times[1] == -0.5, "{:?}", moved.times);
         assert!((moved.attributes[0][MEAN.start] + 1.0 - still.attributes[0][MEAN.start]).abs() < 1e-5);
     }
 }

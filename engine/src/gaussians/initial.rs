@@ -33,6 +33,7 @@ pub fn initial(cloud: &PointCloud, colours: &[Option<[f32; 3]>], spacing: &[f32]
         let scale = (SPACING_SHARE * spacing).clamp(MIN_SCALE, MAX_SCALE);
         set.attributes.push(row(cloud.positions[i], scale, OPACITY, colour));
         set.times.push(cloud.times[i]);
+        set.frames.push(cloud.frames[i]);
     }
     set.num_lidar = set.len();
     set.velocities = vec![[0.0; 3]; set.len()];

@@ -46,7 +46,7 @@ impl From<background::Mode> for Start {
 /// A dynamic scene: raw Gaussian parameters with timestamps and velocities.
 ///
 /// # Shapes
-/// `attributes` `[N, 14]`, `times` `[N]`, `velocities` `[N, 3]`. The first `num_lidar` rows are the `LiDAR` branch, the
+/// `attributes` `[N, 14]`, `times` `[N]`, `frames` `[N]`, `velocities` `[N, 3]`. The first `num_lidar` rows are the `LiDAR` branch, the
 /// rest is the background: static (velocity zero), but for the own vehicle, which moves with the sensors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianSet {
@@ -54,6 +54,8 @@ pub struct GaussianSet {
     pub attributes: Vec<[f32; NUM_ATTRIBUTES]>,
     /// `[N]` moment at which a Gaussian stands at its mean, seconds since the clip's time zero.
     pub times: Vec<f32>,
+    /// `[N]` index in the clip of the frame that a Gaussian comes from: of its return's sweep, or of the image that asked for it.
+    pub frames: Vec<u32>,
     /// `[N, 3]` velocity, metres a second, clip frame.
     pub velocities: Vec<[f32; 3]>,
     /// Number of leading rows that belong to the `LiDAR` branch.
@@ -89,6 +91,37 @@ impl GaussianSet {
     /// Whether there is no Gaussian at all.
     pub fn is_empty(&self) -> bool {
         self.attributes.is_empty()
+    }
+
+    /// The Gaussians at `rows`, in their order; the first `num_lidar` of them are the `LiDAR` branch.
+    ///
+    /// # Panics
+    /// When there is no Gaussian at one of `rows`.
+    #[must_use]
+    pub fn select(&self, rows: &[usize], num_lidar: usize) -> Self {
+        Self {
+            attributes: rows.iter().map(|&i| self.attributes[i]).collect(),
+            times: rows.iter().map(|&i| self.times[i]).collect(),
+            frames: rows.iter().map(|&i| self.frames[i]).collect(),
+            velocities: rows.iter().map(|&i| self.velocities[i]).collect(),
+            num_lidar,
+        }
+    }
+
+    /// Nothing: appends all Gaussians of another set; which branch they belong to is the caller's to say.
+    pub fn append(&mut self, other: &Self) {
+        self.attributes.extend(&other.attributes);
+        self.times.extend(&other.times);
+        self.frames.extend(&other.frames);
+        self.velocities.extend(&other.velocities);
+    }
+
+    /// Nothing: leaves the `LiDAR` branch alone.
+    pub fn drop_background(&mut self) {
+        self.attributes.truncate(self.num_lidar);
+        self.times.truncate(self.num_lidar);
+        self.frames.truncate(self.num_lidar);
+        self.velocities.truncate(self.num_lidar);
     }
 
     /// Nothing, when every value is finite.

@@ -12,6 +12,7 @@ pub(super) fn set(n: usize) -> GaussianSet {
     GaussianSet {
         attributes: (0..n).map(|i| std::array::from_fn(|k| 4.0 * value(i * 14 + k))).collect(),
         times: vec![0.0; n],
+        frames: vec![0; n],
         velocities: (0..n).map(|i| std::array::from_fn(|k| value(i * 3 + k + 5))).collect(),
         num_lidar: n,
     }

@@ -73,8 +73,6 @@ pub struct Begun<'a, 'b> {
     inputs: &'b Inputs<'a>,
     cloud: PointCloud,
     scene: GaussianSet,
-    /// `[N]` the frame that each Gaussian comes from.
-    frames: Vec<u32>,
     start: Instant,
 }
 
@@ -84,7 +82,7 @@ pub struct Begun<'a, 'b> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let (cloud, scene, frames) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
@@ -97,10 +95,9 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         step();
         motion::set_velocities(&mut scene, &painted, &cloud, &inputs.sensors(), inputs.motion());
         step();
-        let frames = painted.iter().map(|&i| cloud.frames[i as usize]).collect();
-        Result::Ok((cloud, scene, frames))
+        Result::Ok((cloud, scene))
     })?;
-    Ok(Begun { inputs, cloud, scene, frames, start })
+    Ok(Begun { inputs, cloud, scene, start })
 }
 
 impl Begun<'_, '_> {
@@ -120,7 +117,7 @@ impl Begun<'_, '_> {
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, mut scene, frames, start } = self;
+        let Self { inputs, cloud, mut scene, start } = self;
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
@@ -130,7 +127,7 @@ impl Begun<'_, '_> {
             });
         }
         watch.time(Stage::Points, |_| {
-            gaussians::merge_dense(&mut scene, &frames, inputs.views(), settings.coarseness);
+            gaussians::merge_dense(&mut scene, inputs.views(), settings.coarseness);
         });
         let depth_maps = watch
             .stage(Stage::Background, 1, |_| background::add_background(&mut scene, inputs.views(), &cloud, settings));

@@ -102,7 +102,7 @@ mod tests {
             row
         };
         let attributes = vec![row(-1.0, 4.0, left), row(1.0, 4.0, right), row(0.0, -4.0, 0.5)];
-        GaussianSet { attributes, times: vec![0.0; 3], velocities: vec![[0.0; 3]; 3], num_lidar: 3 }
+        GaussianSet { attributes, times: vec![0.0; 3], frames: vec![0; 3], velocities: vec![[0.0; 3]; 3], num_lidar: 3 }
     }
 
     fn drawn(set: &GaussianSet, pinhole: &PinholeView) -> Vec<f32> {

@@ -53,6 +53,7 @@ impl RenderOp {
         Ok(GaussianSet {
             attributes: attributes.to_vec(),
             times: self.times.as_ref().clone(),
+            frames: vec![0; n],
             velocities: velocities.to_vec(),
             num_lidar: self.num_lidar,
         })

@@ -65,6 +65,7 @@ mod tests {
             sh_dc: vec![[0.1; 3]],
             velocities: vec![[10.0, 0.0, -1.0]],
             times: vec![0.1],
+            frames: None,
             extra: vec![("p_add".to_owned(), vec![0.5])],
         }
     }

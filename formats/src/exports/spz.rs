@@ -105,6 +105,7 @@ mod tests {
             sh_dc: vec![[0.4, -1.0, 1.2]; 3],
             velocities: vec![[0.0; 3]; 3],
             times: vec![0.0; 3],
+            frames: None,
             extra: Vec::new(),
         };
         let place = tempfile::tempdir().unwrap();

@@ -92,6 +92,7 @@ mod tests {
             sh_dc: vec![[0.1, 0.2, 0.3]],
             velocities: vec![[10.0, 0.0, -1.0]],
             times: vec![0.3],
+            frames: None,
             extra: Vec::new(),
         };
         let place = tempfile::tempdir().unwrap();

@@ -14,12 +14,14 @@
 //! property float rot_0      .. rot_3                    quaternion w, x, y, z
 //! property float vx         .. vy vz                    velocity, metres per second
 //! property float t                                      time at which the splat stands at (x, y, z), seconds
+//! property float frame                                  index of the clip's frame that the splat comes from, where it is known
 //! property float <name>                                 further columns, any number
 //! end_header
 //! ```
 //! The reader takes properties in any order and of any scalar type (converted to f32), `nx ny nz` and `f_rest_*` are
-//! skipped, `vx vy vz t` are 0 where they are missing, `comment` and `obj_info` lines and elements of no entries
-//! are skipped. Every value must be finite. What the writer writes is read back to the same bits.
+//! skipped, `vx vy vz t` are 0 where they are missing, `frame` may be missing, `comment` and `obj_info` lines and elements of no entries
+//! are skipped. Every value must be finite, a frame whole
+//! and at most 2^24, up to which f32 counts. What the writer writes is read back to the same bits.
 
 mod header;
 mod read;
@@ -39,6 +41,9 @@ const SCALE: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
 const ROTATION: [&str; 4] = ["rot_0", "rot_1", "rot_2", "rot_3"];
 const VELOCITY: [&str; 3] = ["vx", "vy", "vz"];
 const TIME: &str = "t";
+const FRAME: &str = "frame";
+/// Largest index of a frame: f32 counts no further.
+const MAX_FRAME: u32 = 1 << 24;
 /// Higher spherical harmonics of other programs' files.
 const HIGHER_COLOUR_PREFIX: &str = "f_rest_";
 
@@ -50,5 +55,5 @@ fn fixed_names() -> impl Iterator<Item = &'static str> {
 
 /// Whether a property is a further column: one that the layout neither names nor skips.
 fn is_extra(name: &str) -> bool {
-    !name.starts_with(HIGHER_COLOUR_PREFIX) && fixed_names().all(|fixed| fixed != name)
+    !name.starts_with(HIGHER_COLOUR_PREFIX) && name != FRAME && fixed_names().all(|fixed| fixed != name)
 }

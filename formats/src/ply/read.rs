@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{COLOUR, OPACITY, POSITION, ROTATION, SCALE, TIME, VELOCITY, header, is_extra};
+use super::{COLOUR, FRAME, MAX_FRAME, OPACITY, POSITION, ROTATION, SCALE, TIME, VELOCITY, header, is_extra};
 use crate::{
     cloud::SplatCloud,
     error::{FormatError, Result},
@@ -34,6 +34,7 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<SplatCloud> {
         sh_dc: table.required(COLOUR)?,
         velocities: table.or_zero(VELOCITY)?,
         times: table.or_zero([TIME])?.into_iter().map(|[v]| v).collect(),
+        frames: table.frames()?,
         extra: extra
             .map(|p| Ok((p.name.clone(), table.columns([Some(p)])?.into_iter().map(|[v]| v).collect())))
             .collect::<Result<_>>()?,
@@ -76,6 +77,21 @@ impl Table<'_> {
     /// `[N, K]` values of properties, 0 for those that are not there.
     fn or_zero<const K: usize>(&self, names: [&str; K]) -> Result<Vec<[f32; K]>> {
         self.columns(names.map(|name| self.find(name)))
+    }
+
+    /// `[N]` frames; `None` without such a property.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and in range, as was checked")]
+    fn frames(&self) -> Result<Option<Vec<u32>>> {
+        let Some(property) = self.find(FRAME) else { return Ok(None) };
+        let frame = |(index, [value]): (usize, [f32; 1])| {
+            if value.fract() == 0.0 && (0.0..=MAX_FRAME as f32).contains(&value) {
+                return Ok(value as u32);
+            }
+            let (field, expected) =
+                (format!("vertex {index} {FRAME}"), format!("a whole number from 0 to {MAX_FRAME}"));
+            Err(FormatError::invalid(self.path, field, expected, value.to_string()))
+        };
+        self.columns([Some(property)])?.into_iter().enumerate().map(frame).collect::<Result<_>>().map(Some)
     }
 
     fn columns<const K: usize>(&self, properties: [Option<&Property>; K]) -> Result<Vec<[f32; K]>> {

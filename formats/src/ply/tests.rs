@@ -18,6 +18,7 @@ fn cloud(count: usize) -> SplatCloud {
         sh_dc: triple(11),
         velocities: triple(14),
         times: (0..count).map(|i| value(i, 17)).collect(),
+        frames: None,
         extra: vec![("score".to_owned(), (0..count).map(|i| value(i, 18)).collect())],
     }
 }
@@ -81,6 +82,24 @@ fn a_file_on_disk_holds_the_same() {
 }
 
 #[test]
+fn frames_stand_behind_the_time_and_are_whole() {
+    let cloud = SplatCloud { frames: Some(vec![7, 0]), ..cloud(2) };
+    let bytes = written(&cloud);
+    assert!(bytes.windows(46).any(|w| w == b"property float t\nproperty float frame\nproperty"));
+    assert_eq!(read(&bytes).unwrap(), cloud);
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    for (found, text) in [(0.5_f32, "0.5"), (-1.0, "-1"), (16_777_218.0, "16777218")] {
+        let mut spoilt = bytes.clone();
+        spoilt[end + (23 + 21) * 4..][..4].copy_from_slice(&found.to_le_bytes());
+        let want = format!("scene.ply: vertex 1 frame: expected a whole number from 0 to 16777216, found {text}");
+        assert_eq!(read(&spoilt).unwrap_err(), want);
+    }
+    let far = SplatCloud { frames: Some(vec![7, 1 << 25]), ..cloud };
+    let message = write::to_bytes(Path::new("scene.ply"), &far).unwrap_err().to_string();
+    assert_eq!(message, "scene.ply: vertex 1 frame: expected a whole number from 0 to 16777216, found 33554432");
+}
+
+#[test]
 fn no_splats_are_a_legal_scene() {
     assert!(read(&written(&SplatCloud::default())).unwrap().is_empty());
     assert_eq!(read(&written(&cloud(3))).unwrap().len(), 3);
@@ -101,6 +120,7 @@ proptest! {
             sh_dc: three(11),
             velocities: three(14),
             times: one(17),
+            frames: Some((0..).take(rows.len()).collect()),
             extra: vec![("p_add".to_owned(), one(18)), ("background".to_owned(), one(0))],
         };
         let bytes = written(&cloud);

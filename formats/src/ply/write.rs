@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use super::{COLOUR, NORMAL, OPACITY, POSITION, ROTATION, SCALE, fixed_names, header::MAX_HEADER_BYTES, is_extra};
+use super::{
+    COLOUR, FRAME, MAX_FRAME, NORMAL, OPACITY, POSITION, ROTATION, SCALE, fixed_names, header::MAX_HEADER_BYTES,
+    is_extra,
+};
 use crate::{
     cloud::SplatCloud,
     error::{FormatError, Result},
@@ -18,7 +21,7 @@ pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
     write_atomic(path, &to_bytes(path, cloud)?)
 }
 
-/// Nothing: writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times or further
+/// Nothing: writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times, frames or further
 /// columns.
 ///
 /// # Errors
@@ -36,10 +39,18 @@ pub fn write_plain_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
 pub(super) fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
     check_lengths(path, cloud)?;
     check_extra_names(path, cloud)?;
+    let frames = cloud.frames.as_deref();
+    if let Some((index, found)) = frames.unwrap_or_default().iter().enumerate().find(|(_, frame)| **frame > MAX_FRAME) {
+        let (field, expected) = (format!("vertex {index} {FRAME}"), format!("a whole number from 0 to {MAX_FRAME}"));
+        return Err(FormatError::invalid(path, field, expected, found.to_string()));
+    }
+    let frame_name = frames.map(|_| FRAME);
     let extra_names = cloud.extra.iter().map(|(name, _)| name.as_str());
-    let names: Vec<&str> = fixed_names().map(|name| -> &str { name }).chain(extra_names).collect();
+    let names: Vec<&str> = fixed_names().map(|name| -> &str { name }).chain(frame_name).chain(extra_names).collect();
     encode(path, &names, cloud.len(), |index| {
-        record(cloud, index).into_iter().chain(cloud.extra.iter().map(move |(_, column)| column[index]))
+        let frame = frames.map(|frames| frames[index] as f32);
+        let extra = cloud.extra.iter().map(move |(_, column)| column[index]);
+        record(cloud, index).into_iter().chain(frame).chain(extra)
     })
 }
 
@@ -90,8 +101,9 @@ pub(crate) fn check_lengths(path: &Path, cloud: &SplatCloud) -> Result<()> {
         ("velocities", cloud.velocities.len()),
         ("times", cloud.times.len()),
     ];
+    let frames = cloud.frames.as_ref().map(|frames| ("frames", frames.len()));
     let extra = cloud.extra.iter().map(|(name, column)| (name.as_str(), column.len()));
-    match fixed.into_iter().chain(extra).find(|&(_, length)| length != cloud.len()) {
+    match fixed.into_iter().chain(frames).chain(extra).find(|&(_, length)| length != cloud.len()) {
         None => Ok(()),
         Some((name, length)) => {
             let expected = format!("{} values as means", cloud.len());

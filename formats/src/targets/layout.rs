@@ -20,6 +20,8 @@ pub struct ClipDims {
     pub sampled: usize,
     /// Primitives of the `LiDAR` branch, N.
     pub primitives: usize,
+    /// Whether the frame of each primitive is known.
+    pub frames: bool,
     /// Width of the features, when there are any.
     pub features: Option<usize>,
 }
@@ -102,6 +104,7 @@ impl ClipDims {
             tensor("time", Scalar::F32, &[n]),
             tensor("velocity", Scalar::F32, &[n, 3]),
         ];
+        tensors.extend(self.frames.then(|| tensor("frame", Scalar::U32, &[n])));
         tensors.extend(self.features.map(|width| tensor("features", Scalar::F16, &[n, width])));
         tensors.extend(["mask_prune", "mask_add", "samples"].map(|name| tensor(name, Scalar::U8, &[m])));
         tensors

@@ -1,5 +1,7 @@
 //! Training targets of the densify policy: shards of clips and the manifest beside them, as `FORMAT.md` in this folder specifies.
 
+use std::collections::BTreeMap;
+
 mod config;
 mod layout;
 mod manifest;
@@ -54,6 +56,8 @@ pub struct ClipTargets {
     pub gaussians: Vec<[f32; NUM_ATTRIBUTES]>,
     /// `[N]` seconds.
     pub times: Vec<f32>,
+    /// `[N]` index in the clip of the frame that each comes from; `None` in shards of programs that did not keep them.
+    pub frames: Option<Vec<u32>>,
     /// `[N, 3]` metres a second.
     pub velocities: Vec<[f32; 3]>,
     /// Decoder features, when they were asked for.
@@ -61,11 +65,22 @@ pub struct ClipTargets {
 }
 
 impl ClipTargets {
+    /// `[N]` for each primitive the place of its time among the different ones, by first appearance: its frame where sweeps have one time each.
+    pub fn frames_of_times(&self) -> Vec<u32> {
+        let mut places = BTreeMap::new();
+        let place = |time: &f32| {
+            let next = u32::try_from(places.len()).unwrap_or(u32::MAX);
+            *places.entry(time.to_bits()).or_insert(next)
+        };
+        self.times.iter().map(place).collect()
+    }
+
     /// The lengths of the clip's tensors.
     pub fn dims(&self) -> ClipDims {
         ClipDims {
             sampled: self.index.len(),
             primitives: self.gaussians.len(),
+            frames: self.frames.is_some(),
             features: self.features.as_ref().map(|features| features.width),
         }
     }

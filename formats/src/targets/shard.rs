@@ -55,6 +55,7 @@ impl Shard {
             .map(|name| ClipDims {
                 sampled: shape(format!("{name}/index")).first().copied().unwrap_or(0),
                 primitives: shape(format!("{name}/gaussians")).first().copied().unwrap_or(0),
+                frames: metadata.info(&format!("{name}/frame")).is_some(),
                 features: shape(format!("{name}/features")).get(1).copied(),
             })
             .collect();
@@ -149,6 +150,7 @@ impl Shard {
         if let Some(i) = moments.iter().position(|v| !v.is_finite()) {
             return Err(self.invalid(clip, "moments", i, "a finite value", moments[i]));
         }
+        let frames = dims.frames.then(|| words(self.tensor(clip, "frame")).map(u32::from_le_bytes).collect());
         let features = dims.features.map(|width| HalfFeatures {
             width,
             bits: words(self.tensor(clip, "features")).map(u16::from_le_bytes).collect(),
@@ -161,6 +163,7 @@ impl Shard {
             moments: [[moments[0], moments[1]], [moments[2], moments[3]]],
             gaussians: floats("gaussians")?.as_chunks::<NUM_ATTRIBUTES>().0.to_vec(),
             times: floats("time")?,
+            frames,
             velocities: floats("velocity")?.as_chunks::<3>().0.to_vec(),
             features,
         })

@@ -39,6 +39,7 @@ fn clip(primitives: usize, features: Option<usize>) -> ClipTargets {
         moments: [[0.5, 1.5], [-0.5, 2.0]],
         gaussians: (0..primitives).map(|i| [i as f32; NUM_ATTRIBUTES]).collect(),
         times: vec![0.1; primitives],
+        frames: features.map(|_| vec![3; primitives]),
         velocities: vec![[1.0, 2.0, 3.0]; primitives],
         features: features.map(|width| HalfFeatures { width, bits: vec![0x3c00; primitives * width] }),
     }

@@ -54,6 +54,9 @@ impl EncodedClip {
             targets.velocities.as_flattened(),
         ];
         columns.into_iter().for_each(|column| put(Scalar::F32, &mut floats(column).into_iter()));
+        if let Some(frames) = &targets.frames {
+            put(Scalar::U32, &mut frames.iter().flat_map(|v| v.to_le_bytes()));
+        }
         if let Some(features) = &targets.features {
             put(Scalar::F16, &mut features.bits.iter().flat_map(|v| v.to_le_bytes()));
         }
@@ -76,6 +79,7 @@ fn check_lengths(path: &Path, targets: &ClipTargets) -> Result<()> {
     lengths.push(("samples", targets.samples.len(), m));
     lengths.push(("time", targets.times.len(), n));
     lengths.push(("velocity", targets.velocities.len(), n));
+    lengths.extend(targets.frames.as_ref().map(|frames| ("frame", frames.len(), n)));
     lengths.extend(targets.features.as_ref().map(|f| ("features", f.bits.len(), n * f.width)));
     match lengths.into_iter().find(|(_, found, expected)| found != expected) {
         None => Ok(()),

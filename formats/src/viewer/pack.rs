@@ -77,6 +77,7 @@ mod tests {
             sh_dc: vec![[0.0; 3], [0.5 / SH_DC, -0.5 / SH_DC, 9.0]],
             velocities: vec![[0.0; 3], [-4.0, 2.0, 0.0]],
             times: vec![0.0, 0.1],
+            frames: None,
             extra: Vec::new(),
         };
         let bytes = pack(&cloud);

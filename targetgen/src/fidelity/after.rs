@@ -73,22 +73,15 @@ fn optimised(problem: &Problem<'_>, mut set: GaussianSet, steps: usize) -> Vec<L
 fn without(set: &GaussianSet, sample: &Sample, group: &[usize]) -> GaussianSet {
     let mut gone = vec![false; set.len()];
     group.iter().for_each(|&k| gone[sample.chosen[k]] = true);
-    let kept = || (0..set.len()).filter(|&i| !gone[i]);
-    GaussianSet {
-        attributes: kept().map(|i| set.attributes[i]).collect(),
-        times: kept().map(|i| set.times[i]).collect(),
-        velocities: kept().map(|i| set.velocities[i]).collect(),
-        num_lidar: set.num_lidar - group.len(),
-    }
+    let kept: Vec<usize> = (0..set.len()).filter(|&i| !gone[i]).collect();
+    set.select(&kept, set.num_lidar - group.len())
 }
 
 fn with(set: &GaussianSet, sample: &Sample, group: &[usize]) -> GaussianSet {
-    let (mut with, copies) = (set.clone(), &sample.copies);
-    let at = set.num_lidar..set.num_lidar;
-    with.attributes.splice(at.clone(), group.iter().map(|&k| copies.attributes[k]));
-    with.times.splice(at.clone(), group.iter().map(|&k| copies.times[k]));
-    with.velocities.splice(at, group.iter().map(|&k| copies.velocities[k]));
-    with.num_lidar += group.len();
+    let [lidar, background] = [0..set.num_lidar, set.num_lidar..set.len()].map(Iterator::collect::<Vec<_>>);
+    let mut with = set.select(&lidar, set.num_lidar + group.len());
+    with.append(&sample.copies.select(group, group.len()));
+    with.append(&set.select(&background, 0));
     with
 }
 

@@ -128,12 +128,7 @@ impl Sample {
         let measured = |m: &Measured| Measured { signal: m.signal, prune: cut(&m.prune), add: cut(&m.add) };
         Self {
             chosen: self.chosen[..size].to_vec(),
-            copies: GaussianSet {
-                attributes: self.copies.attributes[..size].to_vec(),
-                times: self.copies.times[..size].to_vec(),
-                velocities: self.copies.velocities[..size].to_vec(),
-                num_lidar: size,
-            },
+            copies: self.copies.select(&(0..size).collect::<Vec<_>>(), size),
             visible_px: cut(&self.visible_px),
             signals: self.signals.iter().map(measured).collect(),
         }
@@ -166,9 +161,7 @@ fn first_copies(rounds: &[Round], chosen: &[usize]) -> GaussianSet {
             Some((&round.copies, place))
         });
         if let Some((from, place)) = found {
-            copies.attributes.push(from.attributes[place]);
-            copies.times.push(from.times[place]);
-            copies.velocities.push(from.velocities[place]);
+            copies.append(&from.select(&[place], 1));
         }
     }
     copies

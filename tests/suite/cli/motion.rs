@@ -46,7 +46,9 @@ fn initial(clip: &Path, flags: &[&str]) -> Result<GaussianSet, Failed> {
         row
     };
     let attributes: Vec<_> = cloud.means.iter().map(row).collect();
-    Ok(GaussianSet { num_lidar: attributes.len(), attributes, times: cloud.times, velocities: cloud.velocities })
+    let frames = cloud.frames.ok_or("scene.ply: no column `frame`")?;
+    let num_lidar = attributes.len();
+    Ok(GaussianSet { attributes, times: cloud.times, frames, velocities: cloud.velocities, num_lidar })
 }
 
 fn errors(scene: &GaussianSet, inputs: &[usize]) -> Result<VelocityErrors, Failed> {

@@ -193,6 +193,7 @@ fn not_drawn() -> Outcome {
     let mut others = set.clone();
     others.attributes.remove(7);
     others.times.remove(7);
+    others.frames.remove(7);
     others.velocities.remove(7);
     others.num_lidar -= 1;
     let want = drawn(&others)?;

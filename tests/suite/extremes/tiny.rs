@@ -134,7 +134,7 @@ pub(super) fn sphere() -> [f32; NUM_ATTRIBUTES] {
 /// The set of rows at rest, of the time 0.
 pub(super) fn set_of(rows: Vec<[f32; NUM_ATTRIBUTES]>, num_lidar: usize) -> GaussianSet {
     let n = rows.len();
-    GaussianSet { attributes: rows, times: vec![0.0; n], velocities: vec![[0.0; 3]; n], num_lidar }
+    GaussianSet { attributes: rows, times: vec![0.0; n], frames: vec![0; n], velocities: vec![[0.0; 3]; n], num_lidar }
 }
 
 /// The image of a set, after it and its gradients were found to be finite.
@@ -175,6 +175,7 @@ pub(super) fn noise(count: usize, seed: u64) -> (GaussianSet, View) {
         row[LOGIT_COLOUR].fill(random.normal_single());
         set.attributes.push(row);
         set.times.push(if i % 2 == 0 { 0.0 } else { 0.1 });
+        set.frames.push(u32::from(i % 2 == 1));
         set.velocities.push([0.0; 3]);
     }
     set.num_lidar = count - count / 10;

@@ -96,8 +96,7 @@ impl Path {
         let points: Vec<[f32; 3]> = scene.attributes.iter().map(|a| [a[0], a[1], a[2]]).collect();
         let voxels = voxels_of(points.iter().copied(), VOXEL).map_err(failed)?;
         let levels = Levels::new(&voxels, config.num_levels()).map_err(failed)?;
-        let times: Vec<u32> = scene.times.iter().map(|t| t.to_bits()).collect();
-        let neighbours = Arc::new(nearest_other_time(&points, &times, 8).map_err(failed)?.indices);
+        let neighbours = Arc::new(nearest_other_time(&points, &scene.frames, 8).map_err(failed)?.indices);
         let view = enlarged(view(&mut random), &mut random);
         variables.retain(|(name, _)| !name.contains("running"));
         Ok(Self { variables, pass, query, scene, levels, neighbours, view: Arc::new(view) })

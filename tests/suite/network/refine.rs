@@ -121,10 +121,12 @@ fn unseen_ones_stay() -> Outcome {
         row[2] = -row[2];
         behind.attributes.push(row);
         behind.times.push(0.0);
+        behind.frames.push(0);
         behind.velocities.push([0.0; 3]);
     }
     set.attributes.splice(0..0, behind.attributes.iter().copied());
     set.times.splice(0..0, behind.times.iter().copied());
+    set.frames.splice(0..0, behind.frames.iter().copied());
     set.velocities.splice(0..0, behind.velocities.iter().copied());
     set.num_lidar += UNSEEN;
     let summary = refine(&mut set, &[&view], &better.model()?, 1, || ()).map_err(failed)?;
@@ -132,6 +134,7 @@ fn unseen_ones_stay() -> Outcome {
     let part = |range: std::ops::Range<usize>, num_lidar: usize| GaussianSet {
         attributes: set.attributes[range.clone()].to_vec(),
         times: set.times[range.clone()].to_vec(),
+        frames: set.frames[range.clone()].to_vec(),
         velocities: set.velocities[range].to_vec(),
         num_lidar,
     };

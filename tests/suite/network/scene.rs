@@ -23,6 +23,7 @@ pub(super) fn scene(random: &mut Random) -> GaussianSet {
         row[LOGIT_COLOUR].copy_from_slice(&[0.0; 3].map(|_: f32| random.normal_single()));
         set.attributes.push(row);
         set.times.push(if i % 2 == 0 { 0.0 } else { 0.1 });
+        set.frames.push(u32::from(i % 2 == 1));
         set.velocities.push([0.0; 3]);
     }
     set.num_lidar = NUM_POINTS;

@@ -35,7 +35,7 @@ fn model() -> Result<FoldedModel, String> {
     FoldedModel::random(&config, 3).map_err(|e| e.to_string())
 }
 
-fn scene(num_times: usize) -> GaussianSet {
+fn scene(num_frames: usize) -> GaussianSet {
     let mut random = Random::new(2);
     let mut set = GaussianSet::default();
     for i in 0..1500 {
@@ -43,7 +43,8 @@ fn scene(num_times: usize) -> GaussianSet {
         row[MEAN].copy_from_slice(&[0.0; 3].map(|_: f32| random.uniform_single(-4.0, 4.0)));
         row[QUAT.start] = 1.0;
         set.attributes.push(row);
-        set.times.push([0.0, 0.1, 0.2][i % num_times]);
+        set.times.push([0.0, 0.1, 0.2][i % num_frames]);
+        set.frames.push([0, 1, 2][i % num_frames]);
         set.velocities.push([0.0; 3]);
     }
     set.num_lidar = 1200;

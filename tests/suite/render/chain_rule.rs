@@ -47,6 +47,7 @@ impl Raw {
         GaussianSet {
             attributes: self.rows.iter().map(|row| row.map(narrow)).collect(),
             times: self.rest.iter().map(|g| narrow(g.time)).collect(),
+            frames: vec![0; self.rest.len()],
             velocities: self.rest.iter().map(|g| g.velocity.map(narrow)).collect(),
             num_lidar: self.rows.len() - NUM_BACKGROUND,
         }

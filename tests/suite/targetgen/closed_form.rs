@@ -59,6 +59,7 @@ fn centre_deltas(made: &Made) -> Result<[ActionDeltas; 2], String> {
     let keep = |k: usize| k == CENTRE;
     round.copies.attributes = vec![round.copies.attributes[CENTRE]];
     round.copies.times.truncate(1);
+    round.copies.frames.truncate(1);
     round.copies.velocities.truncate(1);
     round.copies.num_lidar = 1;
     round.chosen = vec![12];

@@ -98,7 +98,7 @@ pub(crate) fn row(
 /// The set of rows, at rest, all of the time 0.
 pub(crate) fn set_of(rows: Vec<[f32; NUM_ATTRIBUTES]>, num_lidar: usize) -> GaussianSet {
     let n = rows.len();
-    GaussianSet { attributes: rows, times: vec![0.0; n], velocities: vec![[0.0; 3]; n], num_lidar }
+    GaussianSet { attributes: rows, times: vec![0.0; n], frames: vec![0; n], velocities: vec![[0.0; 3]; n], num_lidar }
 }
 
 /// `num_lidar` random Gaussians, a background of twenty, two views of random images with depth samples.

@@ -86,6 +86,7 @@ fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
         moments: [[0.0, 1.0]; 2],
         gaussians: (0..N).map(row).collect(),
         times: (0..N).map(|i| (i % 3) as f32 * 0.1).collect(),
+        frames: None,
         velocities: vec![[0.0; 3]; N],
         features: Some(HalfFeatures {
             width,

@@ -149,6 +149,7 @@ pub(super) fn fill_ply(_: &Path, to: &Path) -> Said {
         sh_dc: vec![[0.25; 3]; n],
         velocities: vec![[0.0; 3]; n],
         times: vec![0.1; n],
+        frames: Some(vec![0, 1, 1]),
         extra: vec![("p_add".to_owned(), vec![0.5; n])],
     };
     write_ply(&to.join("scene.ply"), &cloud).map_err(said)
@@ -177,6 +178,7 @@ pub(super) fn fill_targets(_: &Path, to: &Path) -> Said {
         moments: [[0.0, 1.0]; 2],
         gaussians: vec![[0.5; 14]; 3],
         times: vec![0.0; 3],
+        frames: Some(vec![0, 0, 1]),
         velocities: vec![[0.0; 3]; 3],
         features: None,
     };

@@ -226,6 +226,7 @@ mod tests {
         let mut set = GaussianSet {
             attributes: vec![std::array::from_fn(|k| 0.1 * k as f32)],
             times: vec![0.0],
+            frames: vec![0],
             velocities: vec![[1.0, 2.0, 3.0]],
             num_lidar: 1,
         };

@@ -23,12 +23,7 @@ pub(crate) fn keep_nearby(set: &mut GaussianSet, velocities: &mut Option<TrueVel
     if let Some(truth) = velocities {
         *truth = truth.of_sources(&kept[..num_lidar]);
     }
-    *set = GaussianSet {
-        attributes: kept.iter().map(|&i| set.attributes[i]).collect(),
-        times: kept.iter().map(|&i| set.times[i]).collect(),
-        velocities: kept.iter().map(|&i| set.velocities[i]).collect(),
-        num_lidar,
-    };
+    *set = set.select(&kept, num_lidar);
 }
 
 /// How far a point is from what a view shows, metres: beyond an edge of the image, at the point's depth, or behind the camera.

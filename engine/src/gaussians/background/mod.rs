@@ -91,11 +91,11 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
             let nothing = Coverage::new(&inputs[k].pinhole);
             let rows = emit::rows(inputs[k], &sheets[k], (&nothing, Trust::OwnVehicle), &[], coarseness);
             let velocity = velocity(&inputs[k].pinhole, &inputs[other].pinhole);
-            append(set, rows, inputs[k].pinhole.time, velocity);
+            append(set, (rows, inputs[k]), inputs[k].pinhole.time, velocity);
         }
     }
     for (view, sheet) in inputs.iter().zip(&sheets) {
-        append(set, backstop::rows(view, sheet, coarseness), 0.0, [0.0; 3]);
+        append(set, (backstop::rows(view, sheet, coarseness), view), 0.0, [0.0; 3]);
     }
     fits
 }
@@ -115,14 +115,16 @@ fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet], coarsen
             let rows = emit::rows(inputs[k], &sheets[k], (&coverages[k], trust), &sources, coarseness);
             let shapes = Shape::of(&rows);
             inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
-            append(set, rows, 0.0, [0.0; 3]);
+            append(set, (rows, inputs[k]), 0.0, [0.0; 3]);
         }
     }
 }
 
-fn append(set: &mut GaussianSet, rows: Vec<[f32; NUM_ATTRIBUTES]>, time: f32, velocity: [f32; 3]) {
+/// Nothing: appends Gaussians that an image asked for.
+fn append(set: &mut GaussianSet, (rows, view): (Vec<[f32; NUM_ATTRIBUTES]>, &View), time: f32, velocity: [f32; 3]) {
     set.attributes.extend(rows);
     set.times.resize(set.len(), time);
+    set.frames.resize(set.len(), u32::try_from(view.frame).unwrap_or(u32::MAX));
     set.velocities.resize(set.len(), velocity);
 }
 

@@ -47,7 +47,7 @@ pub fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
 /// The `k` nearest points at other timestamps of every point.
 ///
 /// # Shapes
-/// `points` `[N, 3]` f32, any unit; `time_index` `[N]`, equal for equal timestamps; result `[N, k]`.
+/// `points` `[N, 3]` f32, any unit; `time_index` `[N]`, equal for points of one frame; result `[N, k]`.
 ///
 /// # Formula
 /// The first `k` indices `j` with `time_index[j] != time_index[i]` in ascending order of ([`squared_distance`]`(i, j)`, `j`).

@@ -156,6 +156,7 @@ impl ShardClips {
         let mut targets = self.shard(path)?.clip(name)?;
         let n = targets.gaussians.len();
         let set = GaussianSet {
+            frames: targets.frames.take().unwrap_or_else(|| targets.frames_of_times()),
             attributes: std::mem::take(&mut targets.gaussians),
             times: std::mem::take(&mut targets.times),
             velocities: std::mem::take(&mut targets.velocities),
@@ -189,10 +190,7 @@ impl ShardClips {
     fn recomputed(&self, clip: &Path, model: &FoldedModel) -> Result<(GaussianSet, HalfFeatures)> {
         let config = TargetsConfig { with_features: true, ..self.config.clone() };
         let mut scene = load_scene(clip, &config, Some(model))?;
-        let n = scene.set.num_lidar;
-        scene.set.attributes.truncate(n);
-        scene.set.times.truncate(n);
-        scene.set.velocities.truncate(n);
+        scene.set.drop_background();
         Ok((scene.set, scene.features.unwrap_or_default()))
     }
 
