@@ -38,8 +38,53 @@ pub struct LidarRecord {
     pub file: PathBuf,
     /// Seconds, in the clip's own time scale.
     pub timestamp: f64,
-    /// Pose of the sensor in the clip's world frame.
+    /// Pose of the sensor at `timestamp` in the clip's world frame.
     pub world_from_lidar: Pose,
+    /// What is known of its single returns.
+    pub returns: ReturnsRecord,
+}
+
+impl LidarRecord {
+    /// The record of a sweep of whose single returns nothing is known.
+    pub fn new(file: PathBuf, timestamp: f64, world_from_lidar: Pose) -> Self {
+        Self { file, timestamp, world_from_lidar, returns: ReturnsRecord::default() }
+    }
+}
+
+/// What is known of the single returns of a sweep; the default is nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReturnsRecord {
+    /// File of a little-endian f32 for each return, relative to the clip directory: when it was measured, seconds since the sweep's timestamp.
+    pub times: Option<PathBuf>,
+    /// Where the `LiDAR` is in whose axes the coordinates are.
+    pub compensation: Compensation,
+    /// Which of several sensors measured each.
+    pub sensors: Option<SensorsRecord>,
+}
+
+/// Where the `LiDAR` is in whose axes the coordinates of a sweep are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Compensation {
+    /// Where it was at one moment, seconds since the sweep's timestamp: compensated for its motion within the sweep.
+    To(f64),
+    /// Where it was at each return's own moment.
+    None,
+}
+
+impl Default for Compensation {
+    /// To the sweep's timestamp.
+    fn default() -> Self {
+        Self::To(0.0)
+    }
+}
+
+/// The sensors that a sweep is of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorsRecord {
+    /// File of a byte for each return, relative to the clip directory: the index of its sensor.
+    pub file: PathBuf,
+    /// `[1..=256]` pose of each sensor in the `LiDAR`'s frame, in which all coordinates are.
+    pub lidar_from_sensor: Vec<Pose>,
 }
 
 /// Where an image is and from where it was taken.

@@ -7,11 +7,13 @@ use std::{
 };
 
 use crate::{
-    clip::{CameraRecord, Clip, LidarRecord},
+    clip::{CameraRecord, Clip, LidarRecord, ReturnsRecord},
     clip_json,
     error::{FormatError, Result},
     image::{self, DepthMap, ImageSize, LoadedImage},
+    lidar_motion::{self, LidarMotion},
     read::read_file,
+    returns,
     sweep::{self, Sweep},
     write::write_atomic,
 };
@@ -23,7 +25,7 @@ pub const MAX_CLIP_BYTES: u64 = 64 << 20;
 
 /// The way from a foreign sweep file to a sweep.
 pub(crate) trait SweepDecoder: Debug + Send + Sync {
-    /// The returns of the file `path` in the frame of `record.world_from_lidar`.
+    /// The returns of the file `path` in the frame of `record.world_from_lidar`, and their times where it has them.
     ///
     /// # Errors
     /// A file that is not what the layout asks for.
@@ -47,7 +49,7 @@ impl ClipDir {
     ///
     /// # Errors
     /// A `clip.json` that is missing or not as `lgs-clip/1` asks, a file that it names and that is missing, a sweep
-    /// without points or with half a point, an image or mask of another size than declared.
+    /// without points or with half a point, a file of another number of returns than its sweep, an image or mask of another size than declared.
     pub fn open(root: &Path) -> Result<Self> {
         let file = root.join(CLIP_FILE);
         let clip = clip_json::parse(&file, &read_file(&file, MAX_CLIP_BYTES)?)?;
@@ -68,7 +70,7 @@ impl ClipDir {
             let at = format!("frames[{f}]");
             let path = self.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
             if self.decoder.is_none() {
-                sweep::count_returns(&path)?;
+                self.check_returns(&at, sweep::count_returns(&path)?, &frame.lidar.returns)?;
             }
             for (c, record) in frame.cameras.iter().enumerate() {
                 self.check_camera(&format!("{at}.cameras[{c}]"), record)?;
@@ -87,15 +89,41 @@ impl ClipDir {
         &self.root
     }
 
-    /// The sweep of a frame.
+    /// The sweep of a frame, all returns in the frame of the `LiDAR` at the sweep's timestamp: where they are not, the motion between the
+    /// poses of the clip's frames brings them there.
     ///
     /// # Errors
-    /// A frame that the clip does not have; those of [`sweep::read_sweep`]; a foreign sweep that is not what its layout asks for.
+    /// A frame that the clip does not have; those of [`sweep::read_sweep`], [`returns::read_times`] and [`returns::read_sensors`]; a foreign
+    /// sweep that is not what its layout asks for; a motion that no sensor survives.
     pub fn load_sweep(&self, frame: usize) -> Result<Sweep> {
         let frames = &self.clip.frames;
-        let record = frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?;
-        let path = self.root.join(&record.lidar.file);
-        self.decoder.as_ref().map_or_else(|| sweep::read_sweep(&path), |decoder| decoder.decode(&path, &record.lidar))
+        let record = &frames.get(frame).ok_or_else(|| self.no_such("frames", frame, frames.len()))?.lidar;
+        let path = self.root.join(&record.file);
+        let sweep = match &self.decoder {
+            Some(decoder) => decoder.decode(&path, record)?,
+            None => self.native(sweep::read_sweep(&path)?, &record.returns)?,
+        };
+        lidar_motion::placed(&path, sweep, record, &LidarMotion::of(&self.clip, frame))
+    }
+
+    /// A native sweep with what stands beside its file.
+    fn native(&self, sweep: Sweep, record: &ReturnsRecord) -> Result<Sweep> {
+        let count = sweep.points.len();
+        let times = record.times.as_ref().map(|file| returns::read_times(&self.root.join(file), count));
+        let sensors = record.sensors.as_ref().map(|sensors| {
+            returns::read_sensors(&self.root.join(&sensors.file), count, sensors.lidar_from_sensor.len())
+        });
+        Ok(Sweep { times: times.transpose()?, sensors: sensors.transpose()?, ..sweep })
+    }
+
+    fn check_returns(&self, at: &str, count: usize, record: &ReturnsRecord) -> Result<()> {
+        if let Some(file) = &record.times {
+            returns::check_size(&self.existing(&format!("{at}.lidar.times"), file)?, returns::TIME_BYTES, count)?;
+        }
+        if let Some(sensors) = &record.sensors {
+            returns::check_size(&self.existing(&format!("{at}.lidar.sensors.file"), &sensors.file)?, 1, count)?;
+        }
+        Ok(())
     }
 
     /// The image of a camera (by its place in the frame's list): decoded, rectified, and resized to `size` if given.

@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::{
     error::{FormatError, Result},
     read::{MAX_DATA_BYTES, file_size, read_file},
+    returns,
     write::write_atomic,
 };
 
@@ -13,13 +14,19 @@ pub const RETURN_BYTES: usize = 16;
 /// Largest coordinate of a return, metres: no sensor sees farther, and squares stay finite in f32.
 pub const MAX_COORDINATE: f32 = 1e6;
 
-/// The returns of one sweep, in file order.
+/// The returns of one sweep, in file order. A sweep file holds positions and intensities; what else is known is in files beside it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sweep {
     /// `[N, 3]` positions in the `LiDAR` frame, metres.
     pub points: Vec<[f32; 3]>,
     /// `[N]` intensities, in the sensor's own scale.
     pub intensities: Vec<f32>,
+    /// `[N]` when each was measured, seconds since the sweep's timestamp; `None` where nobody knows.
+    pub times: Option<Vec<f32>>,
+    /// `[N]` index of the sensor that measured each; `None` where there is one.
+    pub sensors: Option<Vec<u8>>,
+    /// `[N, 3]` where the sensor was when it measured each, metres, in the frame of `points`; `None` where that is the origin for all.
+    pub origins: Option<Vec<[f32; 3]>>,
 }
 
 /// The number of returns of a sweep file, from its size alone.
@@ -41,7 +48,8 @@ pub fn read_sweep(path: &Path) -> Result<Sweep> {
     let bytes = read_file(path, MAX_DATA_BYTES)?;
     check_size(path, bytes.len())?;
     let count = bytes.len() / RETURN_BYTES;
-    let mut sweep = Sweep { points: Vec::with_capacity(count), intensities: Vec::with_capacity(count) };
+    let mut sweep =
+        Sweep { points: Vec::with_capacity(count), intensities: Vec::with_capacity(count), ..Sweep::default() };
     let (rows, _) = bytes.as_chunks::<RETURN_BYTES>();
     for (index, row) in rows.iter().enumerate() {
         let (values, _) = row.as_chunks::<4>();
@@ -70,9 +78,19 @@ impl Sweep {
         }
         Ok(sweep)
     }
+
+    /// The sweep with the times of its returns, seconds since its timestamp; `path` is what errors name.
+    ///
+    /// # Errors
+    /// A time that is not finite or beyond [`returns::MAX_RETURN_TIME`], by its index.
+    #[expect(clippy::cast_possible_truncation, reason = "seconds within a sweep, kept as f32 by the format")]
+    pub(crate) fn with_times(self, path: &Path, times: impl Iterator<Item = f64>) -> Result<Self> {
+        let times = returns::check_times(path, times.map(|time| time as f32).collect())?;
+        Ok(Self { times: Some(times), ..self })
+    }
 }
 
-/// Nothing: writes the sweep that [`read_sweep`] gives back, bit for bit.
+/// Nothing: writes the positions and intensities that [`read_sweep`] gives back, bit for bit.
 ///
 /// # Errors
 /// A sweep that could not be read back, and a path that cannot be written to.
@@ -106,7 +124,7 @@ fn check_size(path: &Path, size: usize) -> Result<()> {
 }
 
 /// Nothing, when the return is one that a sensor can have measured.
-fn check_return(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
+pub(crate) fn check_return(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
     let in_range = |v: f32| v.abs() <= MAX_COORDINATE; // false for NaN
     if in_range(point[0]) && in_range(point[1]) && in_range(point[2]) && intensity.is_finite() {
         return Ok(());
@@ -156,8 +174,8 @@ mod tests {
         let path = dir.path().join("sweep.bin");
         let bad = [
             Sweep::default(),
-            Sweep { points: vec![[0.0; 3]], intensities: vec![] },
-            Sweep { points: vec![[0.0, f32::NAN, 0.0]], intensities: vec![0.0] },
+            Sweep { points: vec![[0.0; 3]], ..Sweep::default() },
+            Sweep { points: vec![[0.0, f32::NAN, 0.0]], intensities: vec![0.0], ..Sweep::default() },
         ];
         for sweep in bad {
             assert!(write_sweep(&path, &sweep).is_err(), "{sweep:?}");
@@ -171,7 +189,7 @@ mod tests {
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join("sweep.bin");
             let points = rows.iter().map(|r| [r[0], r[1], r[2]]).collect();
-            let sweep = Sweep { points, intensities: rows.iter().map(|r| r[3]).collect() };
+            let sweep = Sweep { points, intensities: rows.iter().map(|r| r[3]).collect(), ..Sweep::default() };
             write_sweep(&path, &sweep).unwrap();
             prop_assert_eq!(count_returns(&path).unwrap(), rows.len());
             prop_assert_eq!(read_sweep(&path).unwrap(), sweep);

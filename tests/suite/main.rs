@@ -8,6 +8,7 @@ mod network;
 mod readers;
 mod readme;
 mod render;
+mod returns;
 mod scaling;
 mod structure;
 mod sweep;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
     cases.extend(train::cases());
     cases.extend(structure::cases());
     cases.extend(importers::cases());
+    cases.extend(returns::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
     cases.extend(scaling::cases());

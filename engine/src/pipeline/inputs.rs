@@ -1,7 +1,5 @@
 //! What a reconstruction may read.
 
-use std::collections::BTreeMap;
-
 use lgs_formats::clip_dir::ClipDir;
 
 use crate::{
@@ -45,25 +43,11 @@ impl<'a> Inputs<'a> {
         self.motion
     }
 
-    /// Where the sensor was at each input sweep, metres, clip frame.
+    /// Where the sensor was at the timestamp of each input sweep, metres, clip frame; [`PointCloud::origins`] has the place for each return.
     pub fn sensors(&self) -> Vec<[f32; 3]> {
         let sweep = |&frame: &usize| &self.dir.clip().frames[frame].lidar;
         let origins = self.frames.iter().map(|frame| self.frame.points(&sweep(frame).world_from_lidar, &[[0.0; 3]])[0]);
         origins.collect()
-    }
-
-    /// How far points of the cloud are from where their sweep's sensor was, metres.
-    ///
-    /// # Shapes
-    /// `chosen` `[M]` indices of points; result `[M]`.
-    pub(super) fn ranges(&self, cloud: &PointCloud, chosen: &[u32]) -> Vec<f32> {
-        let origins: BTreeMap<usize, [f32; 3]> = self.frames.iter().copied().zip(self.sensors()).collect();
-        let of = |&i: &u32| {
-            let i = i as usize;
-            let origin = origins.get(&(cloud.frames[i] as usize)).copied().unwrap_or_default();
-            (0..3).map(|k| (cloud.positions[i][k] - origin[k]).powi(2)).sum::<f32>().sqrt()
-        };
-        chosen.iter().map(of).collect()
     }
 
     /// The input views.

@@ -90,7 +90,7 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         step();
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
-        let spacing = points::bounded(&spacing, &inputs.ranges(&cloud, &painted));
+        let spacing = points::bounded(&spacing, &cloud.ranges(&painted));
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
         step();
         motion::set_velocities(&mut scene, &painted, &cloud, &inputs.sensors(), inputs.motion());

@@ -37,7 +37,7 @@ fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
     let frames = (0..NUM_FRAMES).map(|frame| {
         let (moved, seconds) = (0.2 * f64::from(frame), 0.1 * f64::from(frame));
         let points = wall.iter().map(|&[x, y, z]| [x - 0.2 * frame as f32, y, z]).collect();
-        let sweep = Sweep { points, intensities: vec![0.0; wall.len()] };
+        let sweep = Sweep { points, intensities: vec![0.0; wall.len()], ..Sweep::default() };
         let [lidar, image] = [format!("{frame}.bin"), format!("{frame}.png")].map(std::path::PathBuf::from);
         write_sweep(&root.join(&lidar), &sweep).unwrap();
         let colours = (0..SIZE.0 * SIZE.1 * 3).map(|k| shade(frame) * (k % 7) as f32 / 7.0).collect();
@@ -54,7 +54,7 @@ fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
             world_from_camera: Pose::new(clip_from_camera, at),
         };
         Frame {
-            lidar: LidarRecord { file: lidar, timestamp: seconds, world_from_lidar: Pose::new(DMat3::IDENTITY, at) },
+            lidar: LidarRecord::new(lidar, seconds, Pose::new(DMat3::IDENTITY, at)),
             cameras: vec![CameraRecord { file: image, mask: None, depth: None, camera }],
             boxes: None,
         }
@@ -103,7 +103,7 @@ fn held_out_files_change_nothing_and_are_not_even_read() {
     let before = Held::open(place.path()).reconstruct();
     assert!(before.counts.initial > 100, "{:?}", before.counts);
 
-    let far = Sweep { points: vec![[1.0, 0.5, 0.0]; 50], intensities: vec![0.0; 50] };
+    let far = Sweep { points: vec![[1.0, 0.5, 0.0]; 50], intensities: vec![0.0; 50], ..Sweep::default() };
     write_sweep(&place.path().join("1.bin"), &far).unwrap();
     let whole = fs::read(place.path().join("1.png")).unwrap();
     fs::write(place.path().join("1.png"), &whole[..whole.len() / 2]).unwrap();

@@ -22,15 +22,22 @@ pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Re
             let expected = format!("frame indices below {}", dir.clip().frames.len());
             return Err(EngineError::Setting { setting: "--frames", expected, found: index.to_string() });
         };
-        let sweep = frame.points(&record.lidar.world_from_lidar, &dir.load_sweep(index)?.points);
-        let found = cloud.len() + sweep.len();
+        let (lidar, sweep) = (&record.lidar, dir.load_sweep(index)?);
+        let found = cloud.len() + sweep.points.len();
         if found > MOST_RETURNS {
             let expected = format!("frames of at most {MOST_RETURNS} returns");
             return Err(EngineError::Setting { setting: "--frames", expected, found: found.to_string() });
         }
-        cloud.times.resize(cloud.len() + sweep.len(), frame.time(record.lidar.timestamp));
-        cloud.frames.resize(cloud.len() + sweep.len(), label);
-        cloud.positions.extend(sweep);
+        match &sweep.times {
+            Some(times) => cloud.times.extend(times.iter().map(|&time| frame.later(lidar.timestamp, time))),
+            None => cloud.times.resize(found, frame.time(lidar.timestamp)),
+        }
+        match &sweep.origins {
+            Some(origins) => cloud.origins.extend(frame.points(&lidar.world_from_lidar, origins)),
+            None => cloud.origins.resize(found, frame.points(&lidar.world_from_lidar, &[[0.0; 3]])[0]),
+        }
+        cloud.frames.resize(found, label);
+        cloud.positions.extend(frame.points(&lidar.world_from_lidar, &sweep.points));
     }
     Ok(cloud)
 }

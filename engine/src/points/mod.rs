@@ -19,16 +19,30 @@ pub use spacing::{bounded, spacing};
 pub struct PointCloud {
     /// Where the returns are, metres, clip frame.
     pub positions: Vec<[f32; 3]>,
-    /// Timestamp of their sweep, seconds since the clip's time zero.
+    /// When each was measured, or the timestamp of its sweep where nothing is known of single returns; seconds since the clip's time zero.
     pub times: Vec<f32>,
     /// Index in the clip of the frame that they come from.
     pub frames: Vec<u32>,
+    /// Where the sensor was when it measured each, metres, clip frame: where its ray starts.
+    pub origins: Vec<[f32; 3]>,
 }
 
 impl PointCloud {
     /// Number of returns.
     pub fn len(&self) -> usize {
         self.positions.len()
+    }
+
+    /// How far returns are from where their sensor was, metres.
+    ///
+    /// # Shapes
+    /// `chosen` `[M]` indices of returns; result `[M]`.
+    pub(crate) fn ranges(&self, chosen: &[u32]) -> Vec<f32> {
+        let of = |&i: &u32| {
+            let (position, origin) = (self.positions[i as usize], self.origins[i as usize]);
+            (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum::<f32>().sqrt()
+        };
+        chosen.iter().map(of).collect()
     }
 
     /// Whether there is no return at all.

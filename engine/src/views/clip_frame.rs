@@ -29,6 +29,11 @@ impl ClipFrame {
         to_f32(timestamp - self.time_zero)
     }
 
+    /// Seconds since time zero, `seconds` after a timestamp: in f64, then f32.
+    pub fn later(&self, timestamp: f64, seconds: f32) -> f32 {
+        to_f32(timestamp - self.time_zero + f64::from(seconds))
+    }
+
     /// Points of a sensor's frame in the clip frame, metres: transformed in f64, then f32.
     pub fn points(&self, world_from_sensor: &Pose, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let clip_from_sensor = self.clip_from_world * *world_from_sensor;

@@ -1,5 +1,7 @@
 //! A small clip that is good, and what is said when one thing in it is not.
 
+mod returns;
+
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
@@ -54,11 +56,7 @@ fn frame(index: usize) -> Frame {
         world_from_box: pose(1.0, 9.0 + index as f64),
     };
     Frame {
-        lidar: LidarRecord {
-            file: PathBuf::from(format!("{index}.bin")),
-            timestamp: 1.7e9 + 0.1 * index as f64,
-            world_from_lidar: pose(0.01, 0.1),
-        },
+        lidar: LidarRecord::new(PathBuf::from(format!("{index}.bin")), 1.7e9 + 0.1 * index as f64, pose(0.01, 0.1)),
         cameras: vec![camera(index, "left"), camera(index, "right")],
         boxes: (index == 0).then(|| vec![tracked]),
     }
@@ -80,7 +78,7 @@ impl Fixture {
         let depths: Vec<f32> = (1_u8..=48).map(f32::from).collect();
         write_depth_metres(&dir.path().join("depth.npy"), image.width, image.height, &depths).unwrap();
         for frame in &clip.frames {
-            let sweep = Sweep { points: vec![[1.0, 2.0, 3.0]; 5], intensities: vec![0.5; 5] };
+            let sweep = Sweep { points: vec![[1.0, 2.0, 3.0]; 5], intensities: vec![0.5; 5], ..Sweep::default() };
             write_sweep(&dir.path().join(&frame.lidar.file), &sweep).unwrap();
         }
         write_clip(dir.path(), &clip).unwrap();

@@ -5,13 +5,20 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use super::{BoxJson, CameraJson, ClipJson, DepthJson, FrameJson, LidarJson, Rows, format_error};
+use super::{
+    BoxJson, CameraJson, ClipJson, CompensationJson, DepthJson, FrameJson, LidarJson, Rows, SensorsJson, ToJson,
+    format_error,
+};
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
-    clip::{CLIP_FORMAT, CameraRecord, Clip, DepthRecord, Frame, LidarRecord, TrackedBox},
+    clip::{
+        CLIP_FORMAT, CameraRecord, Clip, Compensation, DepthRecord, Frame, LidarRecord, ReturnsRecord, SensorsRecord,
+        TrackedBox,
+    },
     error::{FormatError, Result},
     image::MAX_IMAGE_SIDE,
     pose::Pose,
+    returns::{MAX_RETURN_TIME, MAX_SENSORS},
 };
 
 /// Largest absolute timestamp, seconds: an epoch in milliseconds or finer is in the wrong unit.
@@ -24,6 +31,8 @@ const MAX_TRANSLATION: f64 = 1e9;
 const FOCAL_RANGE: std::ops::RangeInclusive<f64> = 1e-3..=1e7;
 /// Largest absolute principal point, pixels.
 const MAX_PRINCIPAL_POINT: f64 = 1e7;
+/// Farthest that a sensor may be from the LiDAR that it is a part of, metres: the length of a road train.
+const MAX_MOUNT: f64 = 100.0;
 /// Largest edge of a box, metres.
 const MAX_BOX_EDGE: f64 = 1e4;
 /// Longest camera name, bytes: it becomes part of a file's name.
@@ -77,11 +86,53 @@ impl<'a> Checker<'a> {
     }
 
     fn lidar(&self, at: &str, json: LidarJson) -> Result<LidarRecord> {
+        let compensation = self.compensation(at, &json)?;
         Ok(LidarRecord {
             file: self.path(&format!("{at}.file"), json.file)?,
             timestamp: self.timestamp(&format!("{at}.timestamp"), json.timestamp)?,
             world_from_lidar: self.pose(&format!("{at}.world_from_lidar"), &json.world_from_lidar)?,
+            returns: ReturnsRecord {
+                compensation,
+                times: json.times.map(|times| self.path(&format!("{at}.times"), times)).transpose()?,
+                sensors: json.sensors.map(|sensors| self.sensors(&format!("{at}.sensors"), sensors)).transpose()?,
+            },
         })
+    }
+
+    fn compensation(&self, at: &str, json: &LidarJson) -> Result<Compensation> {
+        let field = format!("{at}.motion_compensated");
+        match json.motion_compensated {
+            None => Ok(Compensation::default()),
+            Some(CompensationJson::To(ToJson { to })) => {
+                let limit = f64::from(MAX_RETURN_TIME);
+                self.within(&format!("{field}.to"), &format!("seconds within {limit}"), to, limit).map(Compensation::To)
+            }
+            Some(CompensationJson::Is(false)) if json.times.is_some() => Ok(Compensation::None),
+            Some(CompensationJson::Is(false)) => self.error(field, "`times` beside false", "none"),
+            Some(CompensationJson::Is(true)) => {
+                self.error(field, "false or {\"to\": seconds since the sweep's timestamp}", "true")
+            }
+        }
+    }
+
+    fn sensors(&self, at: &str, json: SensorsJson) -> Result<SensorsRecord> {
+        let count = json.lidar_from_sensor.len();
+        if !(1..=MAX_SENSORS).contains(&count) {
+            return self.error(
+                format!("{at}.lidar_from_sensor"),
+                format!("1 to {MAX_SENSORS} poses"),
+                count.to_string(),
+            );
+        }
+        let pose = |(i, rows): (usize, &Rows)| {
+            let field = format!("{at}.lidar_from_sensor[{i}]");
+            let pose = self.pose(&field, rows)?;
+            let farthest = pose.translation().abs().max_element();
+            self.within(&field, &format!("a sensor within {MAX_MOUNT} m of the LiDAR"), farthest, MAX_MOUNT)?;
+            Ok(pose)
+        };
+        let lidar_from_sensor = json.lidar_from_sensor.iter().enumerate().map(pose).collect::<Result<_>>()?;
+        Ok(SensorsRecord { file: self.path(&format!("{at}.file"), json.file)?, lidar_from_sensor })
     }
 
     fn camera(&self, at: &str, json: CameraJson, lidar_timestamp: f64) -> Result<CameraRecord> {

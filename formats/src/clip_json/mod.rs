@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     camera::Intrinsics,
-    clip::{CLIP_FORMAT, CameraRecord, Clip, DepthKind, Frame, TrackedBox},
+    clip::{CLIP_FORMAT, CameraRecord, Clip, Compensation, DepthKind, Frame, SensorsRecord, TrackedBox},
     error::{FormatError, Result},
+    pose::Pose,
 };
 use check::Checker;
 
@@ -40,6 +41,32 @@ struct LidarJson {
     file: PathBuf,
     timestamp: f64,
     world_from_lidar: Rows,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    times: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    motion_compensated: Option<CompensationJson>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sensors: Option<SensorsJson>,
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected `false` or {\"to\": seconds since the sweep's timestamp}")]
+enum CompensationJson {
+    Is(bool),
+    To(ToJson),
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToJson {
+    to: f64,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SensorsJson {
+    file: PathBuf,
+    lidar_from_sensor: Vec<Rows>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -152,6 +179,15 @@ fn line_error(file: &Path, text: &[u8], path: &str, error: &serde_json::Error) -
     FormatError::syntax(file, format!("{path} (line {line})"), message)
 }
 
+/// The mirror of a compensation; the default is not said.
+fn compensation(found: Compensation) -> Option<CompensationJson> {
+    match found {
+        found if found == Compensation::default() => None,
+        Compensation::To(to) => Some(CompensationJson::To(ToJson { to })),
+        Compensation::None => Some(CompensationJson::Is(false)),
+    }
+}
+
 /// The mirror of a clip.
 fn mirror(clip: &Clip) -> ClipJson {
     let camera = |record: &CameraRecord| CameraJson {
@@ -172,11 +208,18 @@ fn mirror(clip: &Clip) -> ClipJson {
         size: b.size,
         world_from_box: b.world_from_box.rows(),
     };
+    let sensors = |sensors: &SensorsRecord| SensorsJson {
+        file: sensors.file.clone(),
+        lidar_from_sensor: sensors.lidar_from_sensor.iter().map(Pose::rows).collect(),
+    };
     let frame = |frame: &Frame| FrameJson {
         lidar: LidarJson {
             file: frame.lidar.file.clone(),
             timestamp: frame.lidar.timestamp,
             world_from_lidar: frame.lidar.world_from_lidar.rows(),
+            times: frame.lidar.returns.times.clone(),
+            motion_compensated: compensation(frame.lidar.returns.compensation),
+            sensors: frame.lidar.returns.sensors.as_ref().map(sensors),
         },
         cameras: frame.cameras.iter().map(camera).collect(),
         boxes: frame.boxes.as_ref().map(|boxes| boxes.iter().map(tracked_box).collect()),

@@ -2,7 +2,7 @@
 //!
 //! # Source
 //! argoverse/av2-api, `src/av2/datasets/sensor` and `geometry/camera/pinhole_camera.py`: sweeps are in the vehicle's frame at
-//! the sweep's own time, images are undistorted already (its issues 219 and 226), so that `k1..k3` describe a lens that
+//! the sweep's own time, which `offset_ns` counts from, images are undistorted already (its issues 219 and 226), so that `k1..k3` describe a lens that
 //! no file shows any more. Principal points count from the centre of the first pixel: half a pixel is added.
 
 use std::{
@@ -67,7 +67,7 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
             found
         });
         let file = Path::new(SWEEPS).join(&sweep.name);
-        let lidar = LidarRecord { file, timestamp, world_from_lidar: world_from_vehicle * vehicle_from_lidar };
+        let lidar = LidarRecord::new(file, timestamp, world_from_vehicle * vehicle_from_lidar);
         frames.push(Frame { lidar, cameras: Vec::new(), boxes: of_frame });
     }
     for sensor in sensors(folder, &mounts)? {
@@ -220,12 +220,17 @@ impl SweepDecoder for Decoder {
         reason = "metres and intensities of a sensor, kept as f32 by the format"
     )]
     fn decode(&self, path: &Path, _record: &LidarRecord) -> Result<Sweep> {
-        let rows = read_feather(path)?.rows(["x", "y", "z", "intensity"])?;
+        let table = read_feather(path)?;
+        let rows = table.rows(["x", "y", "z", "intensity"])?;
         let o = self.origin;
-        Sweep::of_rows(
+        let sweep = Sweep::of_rows(
             path,
             rows.into_iter()
                 .map(|[x, y, z, intensity]| [x - o.x, y - o.y, z - o.z, intensity].map(|value| value as f32)),
-        )
+        )?;
+        if !table.has("offset_ns") {
+            return Ok(sweep);
+        }
+        sweep.with_times(path, table.floats("offset_ns")?.iter().map(|nanoseconds| nanoseconds / 1e9))
     }
 }

@@ -124,7 +124,7 @@ impl<'a> Reader<'a> {
         let Some(cloud) = &datum.datum.point_cloud else { return self.error(&at, "a point cloud", "none") };
         let file = inside(At { file: self.file, field: &at }, &cloud.filename)?;
         self.fields.insert(file.clone(), cloud.point_format.clone());
-        Ok(LidarRecord { file, timestamp: self.time(&at, datum)?, world_from_lidar: self.pose(&at, &cloud.pose)? })
+        Ok(LidarRecord::new(file, self.time(&at, datum)?, self.pose(&at, &cloud.pose)?))
     }
 
     fn camera(&mut self, at: &str, calibration_key: &'a str, datum: &DatumJson) -> Result<CameraRecord> {

@@ -2,19 +2,24 @@
 //!
 //! # Source
 //! A. Geiger et al., "Vision meets robotics: the KITTI dataset", 2013, and the readme of its raw development kit. Images of
-//! `_sync` drives are rectified; `P_rect` counts pixels from the centre of the first one, so that half a pixel is added.
+//! `_sync` drives are rectified; `P_rect` counts pixels from the centre of the first one, so that half a pixel is added. Sweeps are not
+//! compensated for the car's motion: where `timestamps_start.txt` and `timestamps_end.txt` say how long the scanner turned, each return is
+//! brought to where the scanner was at the sweep's timestamp, when it faced forward.
 
 mod calibration;
 mod motion;
+mod spin;
 mod tracklets;
 
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use calibration::Calibration;
 use motion::Motion;
+use spin::{Spin, Spins};
 
 use super::{
     Source,
@@ -81,19 +86,24 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let date = date_of(&drive);
     let calibration = Calibration::read(&date)?;
     let times = Times::read(&drive.join(SWEEPS).join("timestamps.txt"))?;
-    let motion = Motion::read(&drive, &date, &calibration)?;
+    let files = numbered(&drive.join(SWEEPS).join("data"), &[".bin"])?;
+    let moments = files.iter().map(|sweep| Ok((sweep.number, times.of(sweep.number)?))).collect::<Result<Vec<_>>>()?;
+    let motion = Motion::read(&drive, &date, &calibration, &moments)?;
+    let spins = Spins::read(&drive.join(SWEEPS))?;
     let mut sensors = Vec::new();
     let is_camera = |name: &str| name.strip_prefix("image_").is_some_and(|n| n.len() == 2 && n.parse::<u8>().is_ok());
     for name in folders(&drive)?.into_iter().filter(|name| is_camera(name)) {
         sensors.push(Sensor::read(&drive, name, &calibration)?);
     }
     let mut boxes = tracklets::read(&drive.join("tracklet_labels.xml"))?;
-    let mut frames = Vec::new();
-    for sweep in numbered(&drive.join(SWEEPS).join("data"), &[".bin"])? {
-        let timestamp = times.of(sweep.number)?;
+    let (mut frames, mut turns) = (Vec::new(), BTreeMap::new());
+    for (sweep, (_, timestamp)) in files.into_iter().zip(moments) {
         let world_from_lidar = motion.world_from_lidar(sweep.number, timestamp)?;
         let file = PathBuf::from(format!("{SWEEPS}/data/{}", sweep.name));
-        let lidar = LidarRecord { file, timestamp, world_from_lidar };
+        if let Some(spins) = &spins {
+            turns.insert(file.clone(), spins.of(sweep.number, timestamp)?);
+        }
+        let lidar = LidarRecord::new(file, timestamp, world_from_lidar);
         let cameras = sensors.iter().filter_map(|sensor| sensor.record(sweep.number, &motion).transpose());
         let boxes = boxes.as_mut().map(|boxes| {
             let mut found = boxes.remove(&sweep.number).unwrap_or_default();
@@ -105,7 +115,7 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let name = super::folder_name(&drive);
     let clip =
         Clip { source: format!("KITTI raw, {name}"), name, licence: "CC BY-NC-SA 3.0 (KITTI)".to_owned(), frames };
-    Ok(Source { root: drive, clip, decoder: Arc::new(Decoder) })
+    Ok(Source { root: drive, clip, decoder: Arc::new(Decoder { turns, motion }) })
 }
 
 /// Moments of a sensor's files by their numbers: line N of `timestamps.txt` is of file N.
@@ -171,12 +181,20 @@ impl Sensor {
     }
 }
 
-/// Sweeps as this project's own: f32 `x, y, z, reflectance`.
+/// Sweeps as this project's own: f32 `x, y, z, reflectance`, each return in the frame of the scanner when it was measured.
 #[derive(Debug)]
-struct Decoder;
+struct Decoder {
+    /// How the scanner turned in each sweep, by its file, where that is known.
+    turns: BTreeMap<PathBuf, Spin>,
+    motion: Motion,
+}
 
 impl SweepDecoder for Decoder {
-    fn decode(&self, path: &Path, _record: &LidarRecord) -> Result<Sweep> {
-        read_sweep(path)
+    fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep> {
+        let sweep = read_sweep(path)?;
+        match self.turns.get(&record.file) {
+            Some(spin) => spin.unwound(path, sweep, record, &self.motion),
+            None => Ok(sweep),
+        }
     }
 }

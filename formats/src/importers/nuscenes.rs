@@ -76,7 +76,7 @@ pub(super) fn read(folder: &Path, scene: Option<&str>) -> Result<Source> {
     for &data in sweeps {
         let placed = reader.placed(data)?;
         let (timestamp, world_from_lidar) = (seconds(data.timestamp), placed.world_from_sensor);
-        let lidar = LidarRecord { file: placed.file, timestamp, world_from_lidar };
+        let lidar = LidarRecord::new(placed.file, timestamp, world_from_lidar);
         frames.push(Frame { lidar, cameras: Vec::new(), boxes: tracks.at(data.timestamp) });
     }
     for (channel, images) in shots.iter().filter(|(channel, _)| channel.as_str() != LIDAR) {

@@ -1,8 +1,8 @@
 //! `PandaSet` sequences: `lidar/` and `annotations/cuboids/` of pickled frames of pandas, `camera/` of JPEG images.
 //!
 //! Points lie in the world, and two `LiDARs` measured them: those of the turning Pandar64 (`d = 0`) are taken, as they share
-//! one origin and one moment; those of the forward-looking `PandarGT` have others. An object seen by both has two boxes, of
-//! which the Pandar64's is kept.
+//! one origin and one turn; those of the forward-looking `PandarGT` have others. An object seen by both has two boxes, of
+//! which the Pandar64's is kept. `t` is the moment of each point, for whose motion of the car its place already accounts.
 //!
 //! # Source
 //! scaleapi/pandaset-devkit: `python/pandaset`, and `docs/static_extrinsic_calibration.yaml` for the lenses. Images are as
@@ -69,11 +69,8 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).ok();
     let mut frames = Vec::with_capacity(sweeps.files.len());
     for (index, file) in sweeps.files.iter().enumerate() {
-        let lidar = LidarRecord {
-            file: Path::new("lidar").join(&file.name),
-            timestamp: sweeps.times[index],
-            world_from_lidar: sweeps.pose(index)?,
-        };
+        let file_of_sweep = Path::new("lidar").join(&file.name);
+        let lidar = LidarRecord::new(file_of_sweep, sweeps.times[index], sweeps.pose(index)?);
         let cameras = cameras.iter().filter_map(|images| images.record(file.number).transpose());
         let boxes = boxes.as_ref().map(|boxes| match boxes.binary_search_by_key(&file.number, |b| b.number) {
             Ok(place) => cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)),
@@ -131,13 +128,17 @@ impl Sensor {
         let (poses_file, times_file) = (place.join("poses.json"), place.join("timestamps.json"));
         let poses: Vec<PoseJson> = read_json(&poses_file)?;
         let times: Vec<f64> = read_json(&times_file)?;
-        for (file, found) in [(&poses_file, poses.len()), (&times_file, times.len())] {
-            if found != files.len() {
-                let expected = format!("one entry for each of the {} files of `{name}`", files.len());
-                return Err(FormatError::invalid(file, "entries", expected, found.to_string()));
-            }
+        let (poses, times) = (of_files(&files, poses), of_files(&files, times));
+        match (poses, times) {
+            (Ok(poses), Ok(times)) => Ok(Self { poses_file, files, poses, times }),
+            (Err(found), _) => Err(Self::entries(&poses_file, name, files.len(), found)),
+            (_, Err(found)) => Err(Self::entries(&times_file, name, files.len(), found)),
         }
-        Ok(Self { poses_file, files, poses, times })
+    }
+
+    fn entries(file: &Path, name: &str, count: usize, found: usize) -> FormatError {
+        let expected = format!("one entry for each of the {count} files of `{name}`, or for each of their numbers");
+        FormatError::invalid(file, "entries", expected, found.to_string())
     }
 
     fn pose(&self, index: usize) -> Result<Pose> {
@@ -145,6 +146,18 @@ impl Sensor {
         let at = At { file: &self.poses_file, field: &format!("[{index}]") };
         at.pose([h.w, h.x, h.y, h.z], [p.x, p.y, p.z])
     }
+}
+
+/// The entries of files: as many as files, in their order, or else by their numbers, where some files were not fetched.
+///
+/// # Errors
+/// How many entries there are, where they are neither.
+fn of_files<T: Clone>(files: &[Numbered], entries: Vec<T>) -> std::result::Result<Vec<T>, usize> {
+    if entries.len() == files.len() {
+        return Ok(entries);
+    }
+    let entry = |file: &Numbered| usize::try_from(file.number).ok().and_then(|number| entries.get(number)).cloned();
+    files.iter().map(entry).collect::<Option<Vec<T>>>().ok_or(entries.len())
 }
 
 /// The images of a camera.
@@ -218,14 +231,18 @@ impl SweepDecoder for Decoder {
         let table = read_frame(path)?;
         let lidar_from_world = record.world_from_lidar.inverse();
         let sensors = if table.has("d") { Some(table.ints("d")?) } else { None };
-        let rows = table.rows(["x", "y", "z", "i"])?;
-        let kept = rows.into_iter().enumerate().filter(|(row, _)| sensors.is_none_or(|d| d[*row] == PANDAR64));
-        Sweep::of_rows(
-            path,
-            kept.map(|(_, [x, y, z, intensity])| {
-                let p = lidar_from_world.transform_point(DVec3::new(x, y, z));
-                [p.x, p.y, p.z, intensity].map(|value| value as f32)
-            }),
-        )
+        let is_kept = |row: usize| sensors.is_none_or(|d| d[row] == PANDAR64);
+        let kept = table.rows(["x", "y", "z", "i"])?.into_iter().enumerate().filter(|(row, _)| is_kept(*row));
+        let place = |(_, [x, y, z, intensity]): (usize, [f64; 4])| {
+            let p = lidar_from_world.transform_point(DVec3::new(x, y, z));
+            [p.x, p.y, p.z, intensity].map(|value| value as f32)
+        };
+        let sweep = Sweep::of_rows(path, kept.map(place))?;
+        if !table.has("t") {
+            return Ok(sweep);
+        }
+        let moments = table.floats("t")?;
+        let moments = moments.iter().enumerate().filter(|(row, _)| is_kept(*row));
+        sweep.with_times(path, moments.map(|(_, moment)| moment - record.timestamp))
     }
 }

@@ -7,14 +7,15 @@ use std::{
 };
 
 use crate::{
-    clip::{CameraRecord, Clip, DepthRecord},
+    clip::{CameraRecord, Clip, DepthRecord, LidarRecord, ReturnsRecord, SensorsRecord},
     clip_dir::{ClipDir, write_clip},
     error::{FormatError, Result},
     image,
     importers::additions::Additions,
     interrupt::Unfinished,
     read::{MAX_DATA_BYTES, read_file},
-    sweep::write_sweep,
+    returns::{write_sensors, write_times},
+    sweep::{Sweep, write_sweep},
     write::write_atomic,
 };
 
@@ -79,7 +80,7 @@ fn fill(source: &ClipDir, place: &Path, additions: &Additions) -> Result<()> {
     let mut clip: Clip = source.clip().clone();
     for (f, frame) in clip.frames.iter_mut().enumerate() {
         frame.lidar.file = PathBuf::from(format!("lidar/{f:04}.bin"));
-        write_sweep(&place.join(&frame.lidar.file), &source.load_sweep(f)?)?;
+        frame.lidar.returns = write_returns(place, f, &source.load_sweep(f)?, &frame.lidar)?;
         for record in &mut frame.cameras {
             image::check_whole(source.root(), record)?;
             *record = copied(source.root(), place, f, record)?;
@@ -87,6 +88,24 @@ fn fill(source: &ClipDir, place: &Path, additions: &Additions) -> Result<()> {
     }
     additions.apply(place, &mut clip)?;
     write_clip(place, &clip)
+}
+
+/// What a clip says of the returns of a sweep that has been written to the file of `record`.
+fn write_returns(place: &Path, frame: usize, sweep: &Sweep, record: &LidarRecord) -> Result<ReturnsRecord> {
+    write_sweep(&place.join(&record.file), sweep)?;
+    let named = |ending: &str| PathBuf::from(format!("lidar/{frame:04}.{ending}"));
+    let mut returns = ReturnsRecord::default();
+    if let Some(times) = &sweep.times {
+        let file = named("times");
+        write_times(&place.join(&file), times)?;
+        returns.times = Some(file);
+    }
+    if let Some((sensors, indices)) = record.returns.sensors.as_ref().zip(sweep.sensors.as_ref()) {
+        let file = named("sensors");
+        write_sensors(&place.join(&file), indices)?;
+        returns.sensors = Some(SensorsRecord { file, lidar_from_sensor: sensors.lidar_from_sensor.clone() });
+    }
+    Ok(returns)
 }
 
 /// The record of the copy of an image, its mask and its depth map.

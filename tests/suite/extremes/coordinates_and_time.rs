@@ -225,6 +225,7 @@ fn coincident() -> Outcome {
         positions: vec![[0.1, -0.1, 5.0]; COUNT as usize],
         times: (0..COUNT).map(|i| (i % 2) as f32 * 0.1).collect(),
         frames: (0..COUNT).map(|i| i % 2).collect(),
+        origins: vec![[0.0; 3]; COUNT as usize],
     };
     let all: Vec<u32> = (0..COUNT).collect();
     let spacing = spacing(&cloud.positions, &all).map_err(failed)?;

@@ -47,7 +47,8 @@ pub(super) fn write(root: &Path, frames: &[MadeFrame]) -> Outcome {
     let mut records = Vec::new();
     for (k, made) in frames.iter().enumerate() {
         let [lidar, image] = [format!("{k}.bin"), format!("{k}.png")];
-        let sweep = Sweep { intensities: vec![0.0; made.points.len()], points: made.points.clone() };
+        let sweep =
+            Sweep { intensities: vec![0.0; made.points.len()], points: made.points.clone(), ..Sweep::default() };
         write_sweep(&root.join(&lidar), &sweep)?;
         let data = (0..width * height * 3).map(|v| (v % 7) as f32 / 7.0).collect();
         let picture = RgbImage { width: width as usize, height: height as usize, data };
@@ -62,7 +63,7 @@ pub(super) fn write(root: &Path, frames: &[MadeFrame]) -> Outcome {
             world_from_camera,
         };
         records.push(Frame {
-            lidar: LidarRecord { file: lidar.into(), timestamp: made.time, world_from_lidar: Pose::IDENTITY },
+            lidar: LidarRecord::new(lidar.into(), made.time, Pose::IDENTITY),
             cameras: vec![CameraRecord { file: image.into(), mask: None, depth: None, camera }],
             boxes: None,
         });

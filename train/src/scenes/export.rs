@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use lgs_formats::{
-    clip::{CameraRecord, Clip, Frame, LidarRecord},
+    clip::{CameraRecord, Clip, Compensation, Frame, LidarRecord, ReturnsRecord},
     clip_dir,
     error::FormatError,
     image::{RgbImage, to_byte, write_mask, write_png},
+    returns::write_times,
     sweep,
     write::write_atomic,
 };
@@ -135,8 +136,12 @@ fn write_frame(
     let file = PathBuf::from(format!("lidar/{index:04}.bin"));
     let scan = scene.scan(index);
     sweep::write_sweep(&root.join(&file), &scan.sweep)?;
-    let lidar =
-        LidarRecord { file, timestamp: scene.lidar_timestamp(index), world_from_lidar: scene.world_from_lidar(index) };
+    let mut lidar = LidarRecord::new(file, scene.lidar_timestamp(index), scene.world_from_lidar(index));
+    if let Some(times) = &scan.sweep.times {
+        let file = PathBuf::from(format!("lidar/{index:04}.times"));
+        write_times(&root.join(&file), times)?;
+        lidar.returns = ReturnsRecord { times: Some(file), compensation: Compensation::None, sensors: None };
+    }
     let mut cameras = Vec::new();
     for k in 0..scene.config().rig.cameras.len() {
         let (camera, capture) = (scene.camera(index, k), scene.capture(index, k));

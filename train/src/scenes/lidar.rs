@@ -1,4 +1,4 @@
-//! Sweeps of the spinning LiDAR at a moment.
+//! Sweeps of the spinning LiDAR.
 
 use glam::Vec3;
 use lgs_formats::{pose::Pose, sweep::Sweep};
@@ -19,7 +19,8 @@ const GLASS_LOSS: f32 = 0.75;
 /// A sweep and what is exactly known of its points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scan {
-    /// Points in the LiDAR's frame and intensities in 0..=1; beam by beam from the lowest.
+    /// Points in the LiDAR's frame and intensities in 0..=1; beam by beam from the lowest. Where a turn takes time, also the time of each
+    /// point, and the frame is where the LiDAR is at that time.
     pub sweep: Sweep,
     /// `[N, 3]` velocity of the surface in the clip's world, m/s.
     pub velocities: Vec<[f32; 3]>,
@@ -34,13 +35,23 @@ struct Return {
     intensity: f32,
     velocity: Vec3,
     object: Option<u32>,
+    /// Seconds since the frame's timestamp.
+    time: f64,
 }
 
-/// What a sweep is taken with and from where.
+/// The world and the LiDAR's place in it when rays leave.
+#[derive(Debug)]
+pub(crate) struct Stance<'a> {
+    /// Seconds since the frame's timestamp.
+    pub(crate) time: f64,
+    pub(crate) moment: Moment<'a>,
+    pub(crate) world_from_lidar: Pose,
+}
+
+/// What a sweep is taken with.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scanner<'a> {
     pub(crate) spec: &'a LidarSpec,
-    pub(crate) world_from_lidar: Pose,
     /// Turns velocities.
     pub(crate) clip_from_world: Pose,
     pub(crate) seed: u64,
@@ -48,33 +59,30 @@ pub(crate) struct Scanner<'a> {
 }
 
 impl Scanner<'_> {
-    /// The sweep of a moment. Every beam has draws of its own, so that threads do not matter.
-    pub(crate) fn scan(&self, moment: &Moment) -> Scan {
+    /// The sweep of a turn: one stance for all rays, or one for each azimuth. Every beam has draws of its own, so that threads do not matter.
+    pub(crate) fn scan(&self, stances: &[Stance<'_>]) -> Scan {
         let beams: Vec<Vec<Return>> =
-            (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(moment, beam)).collect();
-        let mut scan = Scan {
-            sweep: Sweep { points: Vec::new(), intensities: Vec::new() },
-            velocities: Vec::new(),
-            objects: Vec::new(),
-        };
+            (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(stances, beam)).collect();
+        let mut scan = Scan { sweep: Sweep::default(), velocities: Vec::new(), objects: Vec::new() };
+        let mut times = Vec::new();
         for hit in beams.into_iter().flatten() {
             scan.sweep.points.push(hit.point.to_array());
             scan.sweep.intensities.push(hit.intensity);
             scan.velocities.push(hit.velocity.to_array());
             scan.objects.push(hit.object);
+            times.push(narrow(hit.time));
         }
+        scan.sweep.times = (stances.len() > 1).then_some(times);
         scan
     }
 
-    fn beam(&self, moment: &Moment, beam: usize) -> Vec<Return> {
+    fn beam(&self, stances: &[Stance<'_>], beam: usize) -> Vec<Return> {
         let spec = self.spec;
         let [low, high] = spec.elevation_deg;
         let share = if spec.num_beams > 1 { beam as f64 / (spec.num_beams - 1) as f64 } else { 0.5 };
         let elevation = (low + (high - low) * share).to_radians();
         let [first, end] = spec.azimuth_deg;
         let mut dice = Dice::new(self.seed, streams::LIDAR + ((self.frame as u64) << 16) + beam as u64);
-        let origin = narrow3(self.world_from_lidar.translation());
-        let world_from_lidar = narrow_mat(self.world_from_lidar.rotation());
         let turn = narrow_mat(self.clip_from_world.rotation());
         (0..spec.num_azimuths)
             .filter_map(|k| {
@@ -82,9 +90,14 @@ impl Scanner<'_> {
                 let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
                 let noise = narrow(dice.normal() * spec.range_noise_m);
                 let luck = dice.uniform32(0.0, 1.0);
-                let ray = Ray { origin, direction: world_from_lidar * local };
-                self.returned(moment, &ray, local, noise, luck)
-                    .map(|hit| Return { velocity: turn * hit.velocity, ..hit })
+                let stance = stances.get(k).or(stances.first())?;
+                let origin = narrow3(stance.world_from_lidar.translation());
+                let ray = Ray { origin, direction: narrow_mat(stance.world_from_lidar.rotation()) * local };
+                self.returned(&stance.moment, &ray, local, noise, luck).map(|hit| Return {
+                    velocity: turn * hit.velocity,
+                    time: stance.time,
+                    ..hit
+                })
             })
             .collect()
     }
@@ -110,6 +123,7 @@ impl Scanner<'_> {
             intensity: returned,
             velocity: narrow3(moment.velocity(hit.target, point)),
             object: moment.object(hit.target),
+            time: 0.0,
         })
     }
 }

@@ -5,7 +5,7 @@ use lgs_formats::{camera::Camera, clip::TrackedBox, pose::Pose};
 use super::{
     camera::{Capture, ImagePlane, capture},
     config::SceneConfig,
-    lidar::{Scan, Scanner},
+    lidar::{Scan, Scanner, Stance},
     maths::rotation_z,
     world::World,
 };
@@ -48,7 +48,12 @@ impl Scene {
 
     /// Pose of the LiDAR in the clip's world.
     pub fn world_from_lidar(&self, frame: usize) -> Pose {
-        self.clip_from_world * self.lidar_pose(frame)
+        self.world_from_lidar_at(frame, 0.0)
+    }
+
+    /// Pose of the LiDAR in the clip's world, `seconds` after a frame's timestamp.
+    pub fn world_from_lidar_at(&self, frame: usize, seconds: f64) -> Pose {
+        self.clip_from_world * self.lidar_pose(frame, seconds)
     }
 
     /// A camera of the rig as it stands when it takes the image of a frame.
@@ -83,28 +88,33 @@ impl Scene {
 
     /// The sweep of a frame.
     pub fn scan(&self, frame: usize) -> Scan {
-        let scanner = Scanner {
-            spec: &self.config.rig.lidar,
-            world_from_lidar: self.lidar_pose(frame),
-            clip_from_world: self.clip_from_world,
-            seed: self.config.seed,
-            frame,
+        let spec = &self.config.rig.lidar;
+        let scanner = Scanner { spec, clip_from_world: self.clip_from_world, seed: self.config.seed, frame };
+        let stance = |time: f64| Stance {
+            time,
+            moment: self.world.at(self.config.frame_time(frame) + time),
+            world_from_lidar: self.lidar_pose(frame, time),
         };
-        scanner.scan(&self.world.at(self.config.frame_time(frame)))
+        if spec.turn_s == 0.0 {
+            return scanner.scan(&[stance(0.0)]);
+        }
+        let count = spec.num_azimuths as f64;
+        let stances = (0..spec.num_azimuths).map(|k| stance(spec.turn_s * ((k as f64 + 0.5) / count - 0.5)));
+        scanner.scan(&stances.collect::<Vec<_>>())
     }
 
     /// Boxes around the tracked things near the vehicle at the time of a frame's sweep, in the clip's world.
     pub fn boxes(&self, frame: usize) -> Vec<TrackedBox> {
         let (time, road) = (self.config.frame_time(frame), &self.world.ground.road);
-        let here = self.lidar_pose(frame).translation();
+        let here = self.lidar_pose(frame, 0.0).translation();
         let all = self.world.objects.iter().map(|object| object.tracked_box(road, time));
         all.filter(|b| b.world_from_box.translation().distance(here) < self.config.box_reach_m)
             .map(|b| TrackedBox { world_from_box: self.clip_from_world * b.world_from_box, ..b })
             .collect()
     }
 
-    fn lidar_pose(&self, frame: usize) -> Pose {
-        let time = self.config.frame_time(frame);
+    fn lidar_pose(&self, frame: usize, seconds: f64) -> Pose {
+        let time = self.config.frame_time(frame) + seconds;
         self.world.ego.pose(&self.world.ground.road, time) * self.config.rig.lidar.mount()
     }
 

@@ -33,7 +33,7 @@ fn camera() -> Camera {
 /// A frame whose world axes are those of the camera.
 fn frame(timestamp: f64, boxes: Option<Vec<TrackedBox>>) -> Frame {
     let file = PathBuf::from("sweep.bin");
-    let lidar = LidarRecord { file, timestamp: EPOCH + timestamp, world_from_lidar: Pose::IDENTITY };
+    let lidar = LidarRecord::new(file, EPOCH + timestamp, Pose::IDENTITY);
     let cameras = vec![CameraRecord { file: "image.png".into(), mask: None, depth: None, camera: camera() }];
     Frame { lidar, cameras, boxes }
 }

@@ -45,6 +45,23 @@ struct Lidar {
     extent_max: [f64; 3],
     /// Length of the sensor's path, metres.
     path_m: f64,
+    /// `None`: the clip says nothing about single returns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    returns: Option<Returns>,
+}
+
+/// What is known of single returns.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Returns {
+    /// Sweeps whose returns have times.
+    num_timed: usize,
+    /// First and last return of a sweep, milliseconds after its timestamp; of the sweeps that have times.
+    first_ms: Spread,
+    last_ms: Spread,
+    /// Whether the coordinates of all sweeps are compensated for the motion within the sweep.
+    motion_compensated: bool,
+    /// Most sensors of a sweep.
+    num_sensors: usize,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]

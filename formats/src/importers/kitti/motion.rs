@@ -26,7 +26,9 @@ const NUM_OXTS: usize = 30;
 #[derive(Debug)]
 enum Poses {
     /// Of camera 0, one for each number.
-    Numbered(Vec<Pose>),
+    ///
+    /// With the moments of the sweeps that have one, between which it moves evenly.
+    Numbered { poses: Vec<Pose>, sweeps: Option<Trajectory> },
     /// Of the inertial sensor: between its moments it is the vehicle that moves evenly.
     Timed { trajectory: Trajectory, imu_from_lidar: Pose },
 }
@@ -40,13 +42,19 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion of a drive: `poses.txt` where there is one, else `oxts/`.
-    pub(super) fn read(drive: &Path, date: &Path, calibration: &Calibration) -> Result<Self> {
+    /// The motion of a drive: `poses.txt` where there is one, else `oxts/`. `sweeps` are the numbers and moments of the sweeps.
+    pub(super) fn read(drive: &Path, date: &Path, calibration: &Calibration, sweeps: &[(u64, f64)]) -> Result<Self> {
         let camera_0_from_lidar = calibration.camera_0_from_lidar;
         let file = drive.join("poses.txt");
         if file.is_file() {
-            let poses = Poses::Numbered(odometry(&file)?);
-            return Ok(Self { file, poses, camera_0_from_lidar });
+            let poses = odometry(&file)?;
+            let moment = |&(number, time): &(u64, f64)| {
+                let pose = usize::try_from(number).ok().and_then(|number| poses.get(number));
+                pose.map(|pose| Moment { time, pose: *pose * camera_0_from_lidar })
+            };
+            let moments: Vec<Moment> = sweeps.iter().filter_map(moment).collect();
+            let sweeps = if moments.is_empty() { None } else { Some(Trajectory::new(&file, moments)?) };
+            return Ok(Self { file, poses: Poses::Numbered { poses, sweeps }, camera_0_from_lidar });
         }
         let file = drive.join("oxts");
         if !file.is_dir() {
@@ -59,15 +67,26 @@ impl Motion {
 
     pub(super) fn world_from_lidar(&self, number: u64, time: f64) -> Result<Pose> {
         match &self.poses {
-            Poses::Numbered(poses) => Ok(self.of_number(poses, number)? * self.camera_0_from_lidar),
+            Poses::Numbered { poses, .. } => Ok(self.of_number(poses, number)? * self.camera_0_from_lidar),
             Poses::Timed { trajectory, imu_from_lidar } => Ok(trajectory.at(time)? * *imu_from_lidar),
         }
     }
 
     pub(super) fn world_from_camera_0(&self, number: u64, time: f64) -> Result<Pose> {
         match &self.poses {
-            Poses::Numbered(poses) => self.of_number(poses, number),
+            Poses::Numbered { poses, .. } => self.of_number(poses, number),
             Poses::Timed { .. } => Ok(self.world_from_lidar(number, time)? * self.camera_0_from_lidar.inverse()),
+        }
+    }
+
+    /// Where the scanner was at any moment around the sweeps.
+    pub(super) fn world_from_lidar_at(&self, time: f64) -> Result<Pose> {
+        match &self.poses {
+            Poses::Timed { trajectory, imu_from_lidar } => Ok(trajectory.at(time)? * *imu_from_lidar),
+            Poses::Numbered { sweeps: Some(sweeps), .. } => sweeps.at(time),
+            Poses::Numbered { sweeps: None, .. } => {
+                Err(FormatError::invalid(&self.file, "poses", "a line for each sweep", "none for any"))
+            }
         }
     }
 

@@ -105,6 +105,9 @@ pub(crate) struct ScenesArgs {
     /// LiDAR rays of a beam and sweep, 1..=8192 [default: the preset's]
     #[arg(long, value_name = "N")]
     pub(crate) azimuths: Option<usize>,
+    /// Seconds that a turn of the LiDAR takes, 0..=1: above 0 the returns have times and are not compensated for the motion [default: 0]
+    #[arg(long, value_name = "S")]
+    pub(crate) turn: Option<f64>,
     /// How images are stored: png, or jpeg:Q of quality Q in 1..=100 [default: png for varied, jpeg:80 for street]
     #[arg(long, value_name = "png|jpeg:Q", value_parser = parse_images)]
     pub(crate) images: Option<ImageFormat>,
@@ -224,6 +227,7 @@ impl ScenesArgs {
         let lidar = &mut config.rig.lidar;
         lidar.num_beams = self.beams.unwrap_or(lidar.num_beams);
         lidar.num_azimuths = self.azimuths.unwrap_or(lidar.num_azimuths);
+        lidar.turn_s = self.turn.unwrap_or(lidar.turn_s);
         config
     }
 }

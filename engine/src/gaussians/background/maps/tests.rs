@@ -100,5 +100,5 @@ fn what_stays_near_while_the_camera_drives_is_the_own_vehicle() {
 }
 
 fn cloud() -> PointCloud {
-    PointCloud { positions: vec![[0.0, 0.0, 10.0]; 4], times: vec![0.0; 4], frames: vec![0; 4] }
+    PointCloud { positions: vec![[0.0, 0.0, 10.0]; 4], times: vec![0.0; 4], ..PointCloud::default() }
 }

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use glam::DVec3;
 use lgs_formats::{
-    clip::{CameraRecord, Clip},
+    clip::{CameraRecord, Clip, Compensation, ReturnsRecord},
     clip_dir::ClipDir,
 };
 
 use super::{
-    Boxes, CameraReport, INSPECT_FORMAT, Lidar, Report, Spread,
+    Boxes, CameraReport, INSPECT_FORMAT, Lidar, Report, Returns, Spread,
     project::{camera_from_lidar, project},
     warn::warnings,
 };
@@ -24,6 +24,8 @@ struct Swept {
     extent_max: DVec3,
     /// `[cameras of the frame]` returns that each sees.
     num_seen: Vec<usize>,
+    /// First and last time of its returns, milliseconds after its timestamp.
+    times_ms: Option<[f64; 2]>,
 }
 
 /// What is in a clip: every sweep is read, of the images only their records.
@@ -41,6 +43,7 @@ pub(crate) fn measure(dir: &ClipDir) -> Result<Report> {
         extent_min: swept.iter().fold(DVec3::INFINITY, |m, frame| m.min(frame.extent_min)).to_array(),
         extent_max: swept.iter().fold(DVec3::NEG_INFINITY, |m, frame| m.max(frame.extent_max)).to_array(),
         path_m: places.windows(2).map(|pair| pair[0].distance(pair[1])).sum(),
+        returns: returns(clip, &swept),
     };
     let mut report = Report {
         format: INSPECT_FORMAT,
@@ -79,13 +82,18 @@ fn sweep(dir: &ClipDir, frame: usize) -> Result<Swept> {
         .iter()
         .map(|record| (&record.camera, camera_from_lidar(&record.camera, &world_from_lidar)))
         .collect();
-    let points = dir.load_sweep(frame)?.points;
+    let loaded = dir.load_sweep(frame)?;
+    let points = loaded.points;
     let mut swept = Swept {
         num_points: points.len(),
         num_unseen: 0,
         extent_min: DVec3::INFINITY,
         extent_max: DVec3::NEG_INFINITY,
         num_seen: vec![0; cameras.len()],
+        times_ms: loaded.times.map(|times| {
+            let times = times.iter().map(|&time| f64::from(time) * 1e3);
+            times.fold([f64::INFINITY, f64::NEG_INFINITY], |[first, last], t| [first.min(t), last.max(t)])
+        }),
     };
     for &point in &points {
         let place = first_from_lidar.transform_point(DVec3::from(point.map(f64::from)));
@@ -101,6 +109,23 @@ fn sweep(dir: &ClipDir, frame: usize) -> Result<Swept> {
         swept.num_unseen += usize::from(!is_seen);
     }
     Ok(swept)
+}
+
+fn returns(clip: &Clip, swept: &[Swept]) -> Option<Returns> {
+    let records = || clip.frames.iter().map(|frame| &frame.lidar.returns);
+    let times: Vec<[f64; 2]> = swept.iter().filter_map(|frame| frame.times_ms).collect();
+    if times.is_empty() && records().all(|record| *record == ReturnsRecord::default()) {
+        return None;
+    }
+    let side = |k: usize| Spread::of(&times.iter().map(|pair| pair[k]).collect::<Vec<_>>());
+    let sensors = |record: &ReturnsRecord| record.sensors.as_ref().map_or(1, |sensors| sensors.lidar_from_sensor.len());
+    Some(Returns {
+        num_timed: times.len(),
+        first_ms: side(0),
+        last_ms: side(1),
+        motion_compensated: records().all(|record| record.compensation != Compensation::None),
+        num_sensors: records().map(sensors).max().unwrap_or(1),
+    })
 }
 
 /// The cameras in the order of their first images.

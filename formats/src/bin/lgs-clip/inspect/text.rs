@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{CameraReport, Report};
+use super::{CameraReport, Report, Returns};
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -20,6 +20,9 @@ impl fmt::Display for Report {
         let (min, max) = (self.lidar.extent_min, self.lidar.extent_max);
         let extent = |axis: usize| format!("{:.0} to {:.0}", min[axis], max[axis]);
         line(f, "extent", &format!("x {}, y {}, z {} m", extent(0), extent(1), extent(2)))?;
+        if let Some(returns) = &self.lidar.returns {
+            line(f, "returns", &of_returns(returns, self.num_frames))?;
+        }
         for camera in &self.cameras {
             line(f, &camera.name, &of_camera(camera))?;
         }
@@ -43,6 +46,23 @@ impl fmt::Display for Report {
 
 fn hertz(rate: Option<f64>) -> String {
     rate.map_or(String::new(), |rate| format!(", {rate:.1} Hz"))
+}
+
+fn of_returns(returns: &Returns, num_frames: usize) -> String {
+    let mut text = if returns.num_timed == 0 {
+        "without times".to_owned()
+    } else {
+        format!("{:+.0} to {:+.0} ms from their sweep's timestamp", returns.first_ms.min, returns.last_ms.max)
+    };
+    if (1..num_frames).contains(&returns.num_timed) {
+        text += &format!(" in {} of {num_frames} sweeps", returns.num_timed);
+    }
+    text +=
+        if returns.motion_compensated { ", compensated for the motion" } else { ", not compensated for the motion" };
+    if returns.num_sensors > 1 {
+        text += &format!(", of {} sensors", returns.num_sensors);
+    }
+    text
 }
 
 fn of_camera(camera: &CameraReport) -> String {

@@ -24,7 +24,7 @@ const MAX_UNSEEN: f64 = 0.9;
 
 /// One sentence for each thing that looks wrong.
 pub(super) fn warnings(clip: &Clip, report: &Report) -> Vec<String> {
-    [clock_warnings(clip), pose_warnings(clip), camera_warnings(clip, report)].concat()
+    [clock_warnings(clip), return_warnings(report), pose_warnings(clip), camera_warnings(clip, report)].concat()
 }
 
 fn times(clip: &Clip) -> Vec<f64> {
@@ -44,6 +44,16 @@ fn clock_warnings(clip: &Clip) -> Vec<String> {
         found.push(format!("frames {frame} and {}: {gap:.3} s apart, usually {usual:.3} s", frame + 1));
     }
     found
+}
+
+/// Returns of a sweep are measured between it and the next one, in the main.
+fn return_warnings(report: &Report) -> Vec<String> {
+    let (Some(returns), Some(rate)) = (report.lidar.returns, report.lidar.rate_hz) else { return Vec::new() };
+    let (span, gap) = ((returns.last_ms.mean - returns.first_ms.mean) / 1e3, 1.0 / rate);
+    if returns.num_timed == 0 || span <= HOLE * gap {
+        return Vec::new();
+    }
+    vec![format!("the returns of a sweep were measured over {span:.3} s, sweeps are {gap:.3} s apart: another unit?")]
 }
 
 /// Metres a second and degrees a second from one pose to the next.
@@ -123,7 +133,7 @@ mod tests {
             let mut place = DVec3::new(index as f64, 0.0, 0.0);
             change(index, &mut timestamp, &mut place, &mut angle);
             let world_from_lidar = Pose::new(DMat3::from_rotation_z(angle), place);
-            let lidar = LidarRecord { file: PathBuf::from("a"), timestamp, world_from_lidar };
+            let lidar = LidarRecord::new(PathBuf::from("a"), timestamp, world_from_lidar);
             Frame { lidar, cameras: Vec::new(), boxes: None }
         };
         let text = String::new;
