@@ -75,19 +75,21 @@ impl TrueVelocities {
     /// Boxes of the frames `known` alone are read.
     pub fn of(clip: &Clip, frame: &ClipFrame, inputs: &[usize], known: &[usize], start: &GaussianSet) -> Option<Self> {
         let inputs = inputs.iter().filter(|input| clip.frames[**input].boxes.is_some() && known.contains(input));
-        let moving = |input: usize| (input, moving_boxes(clip, input, known));
-        let known: Vec<(usize, Vec<MovingBox>)> = inputs.map(|&input| moving(input)).collect();
+        let moving =
+            |input: usize| (input, frame.time(clip.frames[input].lidar.timestamp), moving_boxes(clip, input, known));
+        let known: Vec<(usize, f32, Vec<MovingBox>)> = inputs.map(|&input| moving(input)).collect();
         if known.is_empty() {
             return None;
         }
         let world_from_clip = frame.clip_from_world.inverse();
         let truth = |i: usize| {
-            let Some((_, boxes)) = known.iter().find(|(input, _)| *input == start.frames[i] as usize) else {
+            let Some((_, time, boxes)) = known.iter().find(|(input, ..)| *input == start.frames[i] as usize) else {
                 return Truth::Unknown;
             };
             let place = [0, 1, 2].map(|k| f64::from(start.attributes[i][MEAN.start + k]));
             let here = world_from_clip.transform_point(place.into());
-            match boxes.iter().map(|moving| moving.truth(here)).find(|truth| *truth != Truth::Resting) {
+            let later = f64::from(start.times[i] - time);
+            match boxes.iter().map(|moving| moving.truth(here, later)).find(|truth| *truth != Truth::Resting) {
                 Some(Truth::Moving(v)) => Truth::Moving(frame.clip_from_world.rotation() * v),
                 Some(other) => other,
                 None => Truth::Resting,
@@ -163,9 +165,10 @@ impl TrueVelocities {
 }
 
 impl MovingBox {
-    /// The truth of a return at a world point, as far as this box knows.
-    fn truth(&self, point: DVec3) -> Truth {
-        let local = self.box_from_world.transform_point(point);
+    /// The truth of a return at a world point, measured some seconds later than the box stands here, as far as this box knows.
+    fn truth(&self, point: DVec3, later: f64) -> Truth {
+        let [before, after] = self.motion.map(|pose| pose.translation());
+        let local = self.box_from_world.transform_point(point - (after - before) * (later / self.seconds));
         let beyond = (local.abs() - self.half).max_element();
         if beyond > MARGIN {
             return Truth::Resting;
@@ -220,11 +223,14 @@ mod tests {
     #[test]
     fn what_lies_in_a_moving_box_moves_as_it_does() {
         let moving = moving();
-        let Truth::Moving(v) = moving.truth(DVec3::new(5.5, 0.2, 1.1)) else { panic!("not moving") };
+        let Truth::Moving(v) = moving.truth(DVec3::new(5.5, 0.2, 1.1), 0.0) else { panic!("not moving") };
         assert!((v - DVec3::new(10.0, 0.0, 0.0)).length() < 1e-9, "{v}");
-        assert_eq!(moving.truth(DVec3::new(5.5, 0.2, 0.05)), Truth::Unknown, "the ground below it");
-        assert_eq!(moving.truth(DVec3::new(7.2, 0.0, 1.0)), Truth::Unknown, "beside it");
-        assert_eq!(moving.truth(DVec3::new(9.0, 0.0, 1.0)), Truth::Resting);
+        assert_eq!(moving.truth(DVec3::new(5.5, 0.2, 0.05), 0.0), Truth::Unknown, "the ground below it");
+        assert_eq!(moving.truth(DVec3::new(7.2, 0.0, 1.0), 0.0), Truth::Unknown, "beside it");
+        assert_eq!(moving.truth(DVec3::new(9.0, 0.0, 1.0), 0.0), Truth::Resting);
+        // Ten metres a second later by a fifth of a second it is there.
+        assert!(matches!(moving.truth(DVec3::new(7.5, 0.2, 1.1), 0.2), Truth::Moving(_)));
+        assert_eq!(moving.truth(DVec3::new(7.5, 0.2, 1.1), -0.2), Truth::Resting);
     }
 
     #[test]

@@ -39,7 +39,8 @@ fn imported(folder: &Path, place: &Path) -> Result<ClipDir, Failed> {
 }
 
 fn layouts_keep_times() -> Outcome {
-    for (layout, has) in [("pandaset", true), ("av2", true), ("dgp", false), ("nuscenes", false), ("kitti-raw", false)] {
+    for (layout, has) in [("pandaset", true), ("av2", true), ("dgp", false), ("nuscenes", false), ("kitti-raw", false)]
+    {
         let (place, folder) = (tempfile::tempdir()?, foreign(layout)?.path());
         let dir = imported(&folder, place.path())?;
         for (frame, record) in dir.clip().frames.iter().enumerate() {

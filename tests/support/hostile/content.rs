@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use lgs_formats::camera::{Camera, Distortion, Intrinsics};
 use lgs_formats::camera_path;
-use lgs_formats::clip::{CameraRecord, DepthKind, DepthRecord};
-use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::clip::{CameraRecord, Compensation, DepthKind, DepthRecord, ReturnsRecord, SensorsRecord};
+use lgs_formats::clip_dir::{ClipDir, write_clip};
 use lgs_formats::cloud::SplatCloud;
 use lgs_formats::image::{ImageSize, check_depth, load_depth, write_depth_metres, write_depth_png};
 use lgs_formats::importers::{self, Layout, Selection};
 use lgs_formats::ply::{read_ply, write_ply};
 use lgs_formats::pose::Pose;
+use lgs_formats::returns::{write_sensors, write_times};
 use lgs_formats::targets::{
     ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Normalise, Shard, ShardRecord,
     Signal, TARGETS_FORMAT, TargetsConfig, ZScore, shard_file, write_shard,
@@ -50,6 +51,10 @@ fn read_all(dir: &ClipDir) -> Said {
         let sweep = dir.load_sweep(f).map_err(said)?;
         promise(sweep.points.as_flattened().iter().all(|v| v.is_finite()), "a point that is not finite");
         promise(sweep.points.len() == sweep.intensities.len(), "points without an intensity");
+        let (times, origins) = (sweep.times.unwrap_or_default(), sweep.origins.unwrap_or_default());
+        let finite = times.iter().chain(origins.as_flattened()).all(|v| v.is_finite());
+        promise(finite, "a time or an origin that is not finite");
+        promise([times.len(), origins.len()].iter().all(|len| [0, sweep.points.len()].contains(len)), "too few times");
         for c in 0..frame.cameras.len() {
             let image = dir.load_image(f, c, Some(SIZE)).map_err(said)?;
             promise(image.rgb.data.iter().all(|v| (0.0..=1.0).contains(v)), "a colour out of range");
@@ -60,7 +65,19 @@ fn read_all(dir: &ClipDir) -> Said {
 
 pub(super) fn fill_clip(repository: &Path, to: &Path) -> Said {
     let source = fixture(repository, Layout::Dgp)?;
-    importers::write(&importers::open_as(Layout::Dgp, &source, &Selection::default()).map_err(said)?, to).map_err(said)
+    importers::write(&importers::open_as(Layout::Dgp, &source, &Selection::default()).map_err(said)?, to)
+        .map_err(said)?;
+    let mut clip = ClipDir::open(to).map_err(said)?.clip().clone();
+    let [times, sensors] = ["lidar/0001.times", "lidar/0001.sensors"].map(PathBuf::from);
+    write_times(&to.join(&times), &[-0.05, 0.0, 0.01, 0.05]).map_err(said)?;
+    write_sensors(&to.join(&sensors), &[0, 1, 1, 0]).map_err(said)?;
+    clip.frames[0].lidar.returns.compensation = Compensation::To(0.02);
+    clip.frames[1].lidar.returns = ReturnsRecord {
+        times: Some(times),
+        compensation: Compensation::None,
+        sensors: Some(SensorsRecord { file: sensors, lidar_from_sensor: vec![Pose::IDENTITY; 2] }),
+    };
+    write_clip(to, &clip).map_err(said)
 }
 
 pub(super) fn read_clip(folder: &Path) -> Said {
