@@ -119,6 +119,7 @@ fn what_is_kept_keeps_its_bits_and_copies_come_before_the_background() {
         assert_eq!(bits(&updated.attributes[got]), bits(&start.attributes[want]), "{got} is {want}");
     };
     [(0, 0), (1, 1), (2, 3), (5, 4), (6, 5)].into_iter().for_each(|(got, want)| same(got, want));
+    assert_eq!(updated.frames, [0, 1, 3, 0, 3, 4, 5], "copies are of the frame of their original");
 }
 
 #[test]

@@ -102,6 +102,10 @@ fn held_out_files_change_nothing_and_are_not_even_read() {
     write_test_clip(place.path(), |_| 0.8);
     let before = Held::open(place.path()).reconstruct();
     assert!(before.counts.initial > 100, "{:?}", before.counts);
+    let (lidar, background) = before.scene.frames.split_at(before.scene.num_lidar);
+    for part in [lidar, background] {
+        assert!([0, 2].iter().all(|frame| part.contains(frame)) && !part.contains(&1), "frames of inputs alone");
+    }
 
     let far = Sweep { points: vec![[1.0, 0.5, 0.0]; 50], intensities: vec![0.0; 50], ..Sweep::default() };
     write_sweep(&place.path().join("1.bin"), &far).unwrap();

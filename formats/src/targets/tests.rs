@@ -93,6 +93,22 @@ fn bytes_are_those_of_the_document() {
 }
 
 #[test]
+fn shards_without_frames_are_read_and_tell_them_apart_by_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a");
+    let known = ClipTargets { frames: Some(vec![4, 4, 6, 6]), ..clip(4, None) };
+    let unknown = ClipTargets { times: vec![0.1, -0.2, 0.1, 0.3], ..clip(4, None) };
+    write(&path, &[("known", known.clone()), ("unknown", unknown.clone())]);
+    let shard = Shard::read(&path).unwrap();
+    assert_eq!(shard.clip("known").unwrap(), known);
+    let found = shard.clip("unknown").unwrap();
+    assert_eq!((&found, found.frames_of_times()), (&unknown, vec![0, 1, 0, 2]));
+    let short = ClipTargets { frames: Some(vec![0; 3]), ..clip(4, None) };
+    let message = EncodedClip::new(&path, &short).unwrap_err().to_string();
+    assert!(message.ends_with("frame: expected 4 values, found 3"), "{message}");
+}
+
+#[test]
 fn a_flipped_byte_is_named_by_the_manifest_and_spoilt_values_by_the_reader() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(shard_file(0));

@@ -11,8 +11,10 @@ use lgs_formats::importers;
 use lgs_formats::sweep::read_sweep;
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::layouts::foreign;
+use lgs_tests::process::{binary, run};
 use lgs_tests::{Needed, Outcome, case, case_if, clips, places};
 use libtest_mimic::{Failed, Trial};
+use serde_json::{Value, json};
 
 pub(crate) fn cases() -> Vec<Trial> {
     let needed = |name: &str| {
@@ -25,6 +27,7 @@ pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("returns::foreign::layouts_that_have_times_keep_them", layouts_keep_times),
         case("returns::foreign::kitti_is_brought_to_one_moment", kitti_fixture),
+        case("returns::foreign::an_inspection_says_what_is_known_of_returns", inspected),
         case_if(&panda, "returns::foreign::pandaset_part", move || pandaset(&panda_folder.join("002"))),
         case_if(&av2, "returns::foreign::av2_log", move || argoverse(&av2_folder)),
         case_if(&kitti, "returns::foreign::kitti_raw_mini", move || kitti_raw(&kitti_folder)),
@@ -51,6 +54,23 @@ fn layouts_keep_times() -> Outcome {
         }
     }
     Ok(())
+}
+
+fn inspected() -> Outcome {
+    let page = |folder: &Path| -> Result<Value, Failed> {
+        let arguments = ["inspect".as_ref(), folder.as_os_str(), "--json".as_ref()];
+        Ok(serde_json::from_str(&run(&binary("lgs-clip")?, &arguments, folder)?.stdout)?)
+    };
+    let (place, plain) = (tempfile::tempdir()?, foreign("kitti-raw")?.path());
+    let known = page(&with_turns(&plain, place.path(), [0.02, 0.03])?)?["lidar"]["returns"].clone();
+    if (&known["num_timed"], &known["motion_compensated"], &known["num_sensors"])
+        != (&json!(3), &json!(true), &json!(1))
+        || known["first_ms"]["min"].as_f64().is_none_or(|ms| !(-20.0..0.0).contains(&ms))
+    {
+        return Err(format!("returns: {known:#}").into());
+    }
+    let unknown = page(&plain)?["lidar"].clone();
+    if unknown.get("returns").is_none() { Ok(()) } else { Err(format!("without times: {unknown:#}").into()) }
 }
 
 /// Adds when a drive's turns begin and end: `before` and `after` the timestamps, seconds (with six digits).

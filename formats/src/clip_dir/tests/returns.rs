@@ -20,6 +20,7 @@ fn standing(index: usize) -> DVec3 {
     DVec3::new(10.0 + index as f64, 3.0 - 2.0 * index as f64, 0.5)
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
 fn narrow(point: DVec3) -> [f32; 3] {
     point.to_array().map(|value| value as f32)
 }
