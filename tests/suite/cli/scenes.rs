@@ -3,11 +3,21 @@
 use std::fs;
 use std::path::Path;
 
+use lgs_formats::digest::sha256;
 use lgs_tests::process::{binary, run};
 use lgs_tests::readme::{built_binary, shell_blocks};
 use lgs_tests::sources::all_files;
 use lgs_tests::{Outcome, case, clips};
-use libtest_mimic::Trial;
+use libtest_mimic::{Failed, Trial};
+
+/// Scenes of splits that figures rest on, and the SHA-256 of all their files, one behind the other in the order of their names.
+const KNOWN: [(&str, &str, &str); 3] = [
+    ("train", "5", "1f8aaf470f615a6a45203cfcc0fbbeb7804c65a8cde86fe1bf9be1682a23472c"),
+    ("validation", "3", "e51416e3c473bc58735fd7e2b015673a5b1b983e3093c1e97249bbebc70c3c3a"),
+    ("test", "0", "5efff8dc1ef7b9d4b2339bcd1388b717c6d1d60ce9d70fd9624455188477973e"),
+];
+/// What makes them small.
+const SMALL: [&str; 9] = ["--image-size", "24x48", "--beams", "8", "--azimuths", "90", "--frames", "2", "--masks"];
 
 /// The page of the shipped clip.
 const PAGE: &str = "README.md";
@@ -15,6 +25,8 @@ const PAGE: &str = "README.md";
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("cli::scenes::street_is_what_the_code_makes", street_is_what_the_code_makes),
+        case("cli::scenes::splits_stay_as_they_are", splits_stay_as_they_are),
+        case("cli::scenes::traffic_is_a_split_of_its_own", traffic_is_a_split_of_its_own),
         case("cli::scenes::an_existing_clip_is_kept", an_existing_clip_is_kept),
     ]
 }
@@ -62,4 +74,38 @@ fn an_existing_clip_is_kept() -> Outcome {
     run(&binary("lgs-train")?, &flags, place.path())?.expect_refusal(&["street"])?;
     let kept = fs::read_to_string(clip.join("clip.json"))? == "mine" && all_files(&clip)?.len() == 1;
     if kept { Ok(()) } else { Err("the clip that was there was changed".into()) }
+}
+
+/// Figures of the past rest on these scenes.
+fn splits_stay_as_they_are() -> Outcome {
+    for (split, number, want) in KNOWN {
+        let got = digest(split, number)?;
+        if got != want {
+            return Err(format!("scene {number} of {split} has changed: {got}, want {want}").into());
+        }
+    }
+    Ok(())
+}
+
+fn traffic_is_a_split_of_its_own() -> Outcome {
+    let [train, test, again] = [digest("traffic", "5")?, digest("traffic-test", "5")?, digest("traffic", "5")?];
+    if train == again && train != test && KNOWN.iter().all(|known| known.2 != train) {
+        return Ok(());
+    }
+    Err(format!("traffic {train} and {again}, traffic-test {test}").into())
+}
+
+/// SHA-256 of all files of a small scene.
+fn digest(split: &str, number: &str) -> Result<String, Failed> {
+    let place = tempfile::tempdir()?;
+    let asked = ["scenes", "--out", "made", "--name", "scene", "--split", split, "--seed", number];
+    run(&binary("lgs-train")?, &[asked.as_slice(), &SMALL].concat(), place.path())?.expect_success()?;
+    let root = place.path().join("made/scene");
+    let mut files = all_files(&root)?;
+    files.sort();
+    let mut bytes = Vec::new();
+    for file in files {
+        bytes.extend(fs::read(root.join(file))?);
+    }
+    Ok(sha256(&bytes))
 }

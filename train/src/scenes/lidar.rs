@@ -23,6 +23,8 @@ pub struct Scan {
     pub sweep: Sweep,
     /// `[N, 3]` velocity of the surface in the clip's world, m/s.
     pub velocities: Vec<[f32; 3]>,
+    /// `[N]` moment at which the ray left, seconds after the frame's timestamp.
+    pub times: Vec<f32>,
     /// `[N]` the tracked object that was hit, as an index into the scene's tracks.
     pub objects: Vec<Option<u32>>,
 }
@@ -33,48 +35,67 @@ struct Return {
     point: Vec3,
     intensity: f32,
     velocity: Vec3,
+    time: f32,
     object: Option<u32>,
+}
+
+/// The world and the LiDAR while some rays of a sweep leave.
+#[derive(Debug)]
+pub(crate) struct Instant<'a> {
+    /// Seconds after the frame's timestamp.
+    pub(crate) time: f64,
+    pub(crate) moment: Moment<'a>,
+    pub(crate) world_from_lidar: Pose,
+    /// To the LiDAR's frame at the frame's timestamp; `None` where this is that moment.
+    pub(crate) lidar_from_then: Option<Pose>,
 }
 
 /// What a sweep is taken with and from where.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scanner<'a> {
     pub(crate) spec: &'a LidarSpec,
-    pub(crate) world_from_lidar: Pose,
+    /// In the order of the sweep, each for as many rays of a beam as the others; at least one.
+    pub(crate) instants: &'a [Instant<'a>],
     /// Turns velocities.
     pub(crate) clip_from_world: Pose,
     pub(crate) seed: u64,
     pub(crate) frame: usize,
 }
 
+impl Instant<'_> {
+    /// A point of the LiDAR's frame in its frame at the frame's timestamp.
+    fn at_timestamp(&self, point: Vec3) -> Vec3 {
+        self.lidar_from_then.as_ref().map_or(point, |pose| narrow3(pose.transform_point(point.as_dvec3())))
+    }
+}
+
 impl Scanner<'_> {
-    /// The sweep of a moment. Every beam has draws of its own, so that threads do not matter.
-    pub(crate) fn scan(&self, moment: &Moment) -> Scan {
-        let beams: Vec<Vec<Return>> =
-            (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(moment, beam)).collect();
+    /// The sweep. Every beam has draws of its own, so that threads do not matter.
+    pub(crate) fn scan(&self) -> Scan {
+        let beams: Vec<Vec<Return>> = (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(beam)).collect();
         let mut scan = Scan {
             sweep: Sweep { points: Vec::new(), intensities: Vec::new() },
             velocities: Vec::new(),
+            times: Vec::new(),
             objects: Vec::new(),
         };
         for hit in beams.into_iter().flatten() {
             scan.sweep.points.push(hit.point.to_array());
             scan.sweep.intensities.push(hit.intensity);
             scan.velocities.push(hit.velocity.to_array());
+            scan.times.push(hit.time);
             scan.objects.push(hit.object);
         }
         scan
     }
 
-    fn beam(&self, moment: &Moment, beam: usize) -> Vec<Return> {
+    fn beam(&self, beam: usize) -> Vec<Return> {
         let spec = self.spec;
         let [low, high] = spec.elevation_deg;
         let share = if spec.num_beams > 1 { beam as f64 / (spec.num_beams - 1) as f64 } else { 0.5 };
         let elevation = (low + (high - low) * share).to_radians();
         let [first, end] = spec.azimuth_deg;
         let mut dice = Dice::new(self.seed, streams::LIDAR + ((self.frame as u64) << 16) + beam as u64);
-        let origin = narrow3(self.world_from_lidar.translation());
-        let world_from_lidar = narrow_mat(self.world_from_lidar.rotation());
         let turn = narrow_mat(self.clip_from_world.rotation());
         (0..spec.num_azimuths)
             .filter_map(|k| {
@@ -82,9 +103,15 @@ impl Scanner<'_> {
                 let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
                 let noise = narrow(dice.normal() * spec.range_noise_m);
                 let luck = dice.uniform32(0.0, 1.0);
-                let ray = Ray { origin, direction: world_from_lidar * local };
-                self.returned(moment, &ray, local, noise, luck)
-                    .map(|hit| Return { velocity: turn * hit.velocity, ..hit })
+                let instant = &self.instants[k * self.instants.len() / spec.num_azimuths];
+                let origin = narrow3(instant.world_from_lidar.translation());
+                let ray = Ray { origin, direction: narrow_mat(instant.world_from_lidar.rotation()) * local };
+                self.returned(&instant.moment, &ray, local, noise, luck).map(|hit| Return {
+                    point: instant.at_timestamp(hit.point),
+                    velocity: turn * hit.velocity,
+                    time: narrow(instant.time),
+                    ..hit
+                })
             })
             .collect()
     }
@@ -109,6 +136,7 @@ impl Scanner<'_> {
             point: local * (hit.t + noise),
             intensity: returned,
             velocity: narrow3(moment.velocity(hit.target, point)),
+            time: 0.0,
             object: moment.object(hit.target),
         })
     }

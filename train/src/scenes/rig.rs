@@ -78,7 +78,7 @@ impl CameraSpec {
     }
 }
 
-/// A spinning LiDAR. A sweep is rigid: all its rays leave at the frame's timestamp, as after motion compensation.
+/// A spinning LiDAR. Points stand in its frame at the frame's timestamp, whenever their rays leave: as after compensation of the own motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LidarSpec {
     /// Position in the vehicle's frame, metres.
@@ -97,6 +97,9 @@ pub struct LidarSpec {
     pub dropout: f64,
     /// Nearest and farthest range that gives a return, metres, 0.1..=500.
     pub range_m: [f64; 2],
+    /// Time that a sweep takes, seconds, 0..=0.5: the first ray leaves half of it before the frame's timestamp, the last half of it after.
+    /// At 0 all leave at once.
+    pub sweep_s: f64,
 }
 
 impl LidarSpec {
@@ -111,6 +114,7 @@ impl LidarSpec {
             range_noise_m: 0.015,
             dropout: 0.02,
             range_m: [1.5, 90.0],
+            sweep_s: 0.0,
         }
     }
 
@@ -180,7 +184,8 @@ impl LidarSpec {
         check(field("range_noise_m"), self.range_noise_m, Range(0.0, 0.5))?;
         check(field("dropout"), self.dropout, Range(0.0, 0.95))?;
         check(field("range_m[0]"), self.range_m[0], Range(0.1, 500.0))?;
-        check(field("range_m[1]"), self.range_m[1], Range(self.range_m[0], 500.0))
+        check(field("range_m[1]"), self.range_m[1], Range(self.range_m[0], 500.0))?;
+        check(field("sweep_s"), self.sweep_s, Range(0.0, 0.5))
     }
 }
 
