@@ -30,6 +30,8 @@ const BEYOND_S: f64 = 0.2;
 /// Room (metres) between vehicles, and around people and cyclists.
 const ROOM: f64 = 0.3;
 const CLOSE: f64 = 0.05;
+/// Room before and behind the vehicle with the sensors (metres).
+const EGO_GAP: f64 = 2.5;
 /// Length of the straight way before a turn (metres).
 const APPROACH: f64 = 30.0;
 
@@ -63,12 +65,12 @@ pub(crate) fn join(
     }
     let dice = Dice::new(config.seed, streams::BUSY);
     let mut filling = Filling { road, ego, end, dice, palette, objects };
+    if let Some(side) = side {
+        filling.crossing(spec.crossing, side);
+        filling.turning(spec.turning, side);
+    }
     filling.queue(spec.queue);
     filling.lorries(spec.lorries);
-    if let Some(side) = side {
-        filling.turning(spec.turning, side);
-        filling.crossing(spec.crossing, side);
-    }
     filling.cyclists(spec.cyclists);
     filling.people(spec.people_across);
 }
@@ -83,7 +85,8 @@ impl Filling<'_> {
     fn is_clear(&self, object: &Object, room: f64) -> bool {
         self.moments().all(|time| {
             let own = object.footprint(self.road, time).grown(room);
-            let ego = Footprint::of(&self.ego.motion.at(self.road, time), 2.0 * EGO_HALF_LENGTH, 2.0);
+            let length = 2.0 * (EGO_HALF_LENGTH + EGO_GAP);
+            let ego = Footprint::of(&self.ego.motion.at(self.road, time), length, 2.0);
             !own.meets(&ego) && self.objects.iter().all(|other| !own.meets(&other.footprint(self.road, time)))
         })
     }
