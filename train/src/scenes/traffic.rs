@@ -8,7 +8,7 @@ use super::{
     course::Course,
     dice::Dice,
     layout::streams,
-    motion::{EgoMotion, Motion},
+    motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Object, Palette},
     road::Road,
     vehicles,
@@ -16,9 +16,6 @@ use super::{
 
 /// Room that drivers keep to the next vehicle of their lane (metres).
 const GAP: f64 = 3.5;
-
-/// Half of the length that the vehicle with the sensors takes up (metres).
-pub(crate) const EGO_HALF_LENGTH: f64 = 2.4;
 
 /// Fastest speed that accelerating cars reach, m/s.
 const TOP_SPEED: f64 = 20.0;

@@ -1,24 +1,21 @@
 //! Traffic as real streets have it: lorries, queues, crossing and turning cars, cyclists, people who cross. Nobody meets anybody.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+mod across;
 
-use glam::DVec3;
-use lgs_formats::pose::Pose;
+use std::f64::consts::PI;
 
 use super::{
     config::{BusySpec, SceneConfig},
-    course::{Course, Piece, Way},
+    course::Course,
     cyclist::cyclist,
     dice::Dice,
     footprint::Footprint,
     layout::streams,
     lorry::lorry,
-    maths::rotation_z,
-    motion::{EgoMotion, Motion},
+    motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Model, Object, Palette},
     road::Road,
-    side_street::{HALF_WIDTH, SideStreet},
-    traffic::EGO_HALF_LENGTH,
+    side_street::SideStreet,
     vehicles::{car, person, truck},
 };
 
@@ -32,8 +29,6 @@ const ROOM: f64 = 0.3;
 const CLOSE: f64 = 0.05;
 /// Room before and behind the vehicle with the sensors (metres).
 const EGO_GAP: f64 = 2.5;
-/// Length of the straight way before a turn (metres).
-const APPROACH: f64 = 30.0;
 
 /// A street that is being filled.
 struct Filling<'a> {
@@ -160,71 +155,6 @@ impl Filling<'_> {
         }
     }
 
-    /// Across the street on the side street, in the middle of the clip at most 9 m from the street's middle line.
-    fn crossing(&mut self, number: usize, side: SideStreet) {
-        for k in 0..number {
-            let model = self.vehicle();
-            self.add(format!("crossing-{k}"), model, ROOM, |filling, dice| {
-                let left = if dice.chance(0.5) { 1.0 } else { -1.0 };
-                let frame = filling.road.frame(side.s + left * 0.5 * HALF_WIDTH, 0.0, 0.0);
-                let speed = dice.uniform(1.5, 10.0);
-                Some(filling.straight(frame, left, dice.uniform(-9.0, 9.0), speed))
-            });
-        }
-    }
-
-    /// Straight to the left (1) or right (-1) of a frame, `d` to its left in the middle of the clip.
-    fn straight(&self, frame: Pose, left: f64, d: f64, speed: f64) -> Course {
-        let start = frame * Pose::new(rotation_z(left * FRAC_PI_2), DVec3::ZERO);
-        Course::Way(Way { start, pieces: Vec::new(), place: left * d - 0.5 * speed * self.end, speed })
-    }
-
-    /// From the street into the side street or back, somewhere in the turn in the middle of the clip.
-    fn turning(&mut self, number: usize, side: SideStreet) {
-        for k in 0..number {
-            let model = if self.dice.chance(0.12) {
-                truck(&mut self.dice, self.palette)
-            } else {
-                car(&mut self.dice, self.palette)
-            };
-            self.add(format!("turning-{k}"), model, ROOM, |filling, dice| Some(filling.turn(side, dice)));
-        }
-    }
-
-    fn turn(&self, side: SideStreet, dice: &mut Dice) -> Course {
-        let sign = |dice: &mut Dice| if dice.chance(0.5) { 1.0 } else { -1.0 };
-        // Along the street and towards its left, each in (1) or against (-1) that direction, and the turn to the left (1) or right.
-        let (turn, into) = (sign(dice), dice.chance(0.5));
-        let entering = sign(dice);
-        let leaving = entering * turn * if into { 1.0 } else { -1.0 };
-        let (along, across) = if into { (entering, leaving) } else { (leaving, entering) };
-        let lane = if turn > 0.0 { 0 } else { self.road.num_lanes - 1 };
-        let corner = self.road.frame(
-            side.s + across * 0.5 * HALF_WIDTH,
-            -along * (lane as f64 + 0.5) * self.road.lane_width,
-            0.0,
-        );
-        let heading = match (into, entering > 0.0) {
-            (true, true) => 0.0,
-            (true, false) => PI,
-            (false, ahead) => {
-                if ahead {
-                    FRAC_PI_2
-                } else {
-                    -FRAC_PI_2
-                }
-            }
-        };
-        let radius = if turn > 0.0 { dice.uniform(6.5, 9.0) } else { dice.uniform(4.2, 6.0) };
-        let back = Pose::new(glam::DMat3::IDENTITY, DVec3::NEG_X * (radius + APPROACH));
-        let arc = radius * FRAC_PI_2;
-        let pieces = vec![Piece { length: APPROACH, curvature: 0.0 }, Piece { length: arc, curvature: turn / radius }];
-        let speed = dice.uniform(2.0, 6.5);
-        let place = APPROACH + arc * dice.uniform(0.1, 0.9) - 0.5 * speed * self.end;
-        let start = corner * Pose::new(rotation_z(heading), DVec3::ZERO) * back;
-        Course::Way(Way { start, pieces, place, speed })
-    }
-
     fn cyclists(&mut self, number: usize) {
         for k in 0..number {
             let model = cyclist(&mut self.dice, self.palette);
@@ -260,51 +190,4 @@ impl Filling<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::scenes::{Scene, SceneConfig, Split, presets};
-
-    fn objects(seed: u64) -> (SceneConfig, Scene) {
-        let config = presets::traffic(Split::Traffic.seed(seed));
-        (config.clone(), Scene::new(config).unwrap())
-    }
-
-    #[test]
-    fn streets_hold_what_real_ones_have_and_nobody_meets_anybody() {
-        let mut seen = std::collections::BTreeMap::new();
-        for seed in 0..24 {
-            let (config, scene) = objects(seed);
-            let world = &scene.world;
-            let end = config.frame_time(config.num_frames);
-            for (k, a) in world.objects.iter().enumerate() {
-                let kind = a.track.split('-').next().unwrap().to_owned();
-                *seen.entry(kind).or_insert(0) += 1;
-                assert!(world.objects[..k].iter().all(|b| b.track != a.track), "seed {seed}: track {}", a.track);
-                let people = |category: &str| category == "pedestrian";
-                for b in world.objects[..k].iter().filter(|b| !people(a.model.category) && !people(b.model.category)) {
-                    for time in [0.0, 0.3 * end, 0.7 * end, end] {
-                        let [at, other] = [a, b].map(|object| object.footprint(&world.ground.road, time));
-                        assert!(!at.meets(&other), "seed {seed}: {} meets {}", a.track, b.track);
-                    }
-                }
-            }
-        }
-        for kind in ["queue", "lorry", "crossing", "turning", "cyclist", "walker"] {
-            assert!(seen.get(kind).is_some_and(|&number| number >= 8), "{kind}: {seen:?}");
-        }
-    }
-
-    #[test]
-    fn what_turns_changes_its_heading() {
-        let mut turned = 0;
-        for seed in 0..16 {
-            let (config, scene) = objects(seed);
-            let [first, last] = [0, config.num_frames - 1].map(|frame| scene.boxes(frame));
-            for a in first.iter().filter(|a| a.track.starts_with("turning")) {
-                let Some(b) = last.iter().find(|b| b.track == a.track) else { continue };
-                let cosine = a.world_from_box.rotation().x_axis.dot(b.world_from_box.rotation().x_axis);
-                turned += usize::from(cosine < 0.97);
-            }
-        }
-        assert!(turned >= 6, "{turned} boxes turn by more than 14 degrees");
-    }
-}
+mod tests;
