@@ -9,9 +9,9 @@ use serde_json::Value;
 use crate::Outcome;
 
 /// The figures of a view.
-pub const FIGURES: [&str; 8] =
-    ["psnr", "ssim", "lpips", "dmae", "psnr_dynamic", "ssim_dynamic", "psnr_static", "ssim_static"];
-const TOP: [&str; 12] = [
+pub const FIGURES: [&str; 9] =
+    ["psnr", "psnr_copying", "ssim", "lpips", "dmae", "psnr_dynamic", "ssim_dynamic", "psnr_static", "ssim_static"];
+const TOP: [&str; 13] = [
     "format",
     "clip",
     "config",
@@ -19,6 +19,7 @@ const TOP: [&str; 12] = [
     "threads",
     "seed",
     "gaussians",
+    "moving",
     "stages_s",
     "reconstruction_s",
     "peak_rss_mb",
@@ -68,6 +69,7 @@ pub fn without_costs(page: &Value) -> Value {
 pub fn expect_promised_keys(page: &Value) -> Outcome {
     expect_keys("metrics.json", page, &TOP)?;
     expect_keys("gaussians", &page["gaussians"], &GAUSSIANS)?;
+    expect_keys("moving", &page["moving"], &["lidar", "background"])?;
     expect_keys("stages_s", &page["stages_s"], &STAGES)?;
     expect_keys("mean", &page["mean"], &["input", "held_out"])?;
     expect_keys("mean.input", &page["mean"]["input"], &FIGURES)?;

@@ -3,6 +3,7 @@
 //! Pixels whose label is `Ignored` are excluded from all figures: the ratios and means leave them out, and for the windows
 //! of SSIM and LPIPS the truth stands in for what was rendered there.
 
+mod copying;
 pub mod dmae;
 pub mod lpips;
 pub mod masks;
@@ -23,6 +24,7 @@ use crate::{
     render::Rendered,
     views::View,
 };
+pub use copying::copying;
 use lpips::Lpips;
 
 /// Figures of one view; `None` where one is not defined.
@@ -30,6 +32,8 @@ use lpips::Lpips;
 pub struct ViewFigures {
     /// PSNR, decibels; infinite for identical images.
     pub psnr: Option<f64>,
+    /// PSNR of the nearest input image in its place, decibels: see [`copying`], which gives it.
+    pub psnr_copying: Option<f64>,
     /// Mean SSIM; none for a side below 11 pixels.
     pub ssim: Option<f64>,
     /// LPIPS distance; none without its weights or for a side below 17 pixels.
@@ -46,7 +50,7 @@ pub struct ViewFigures {
     pub ssim_static: Option<f64>,
 }
 
-/// Figures of a rendered image against its view.
+/// Figures of a rendered image against its view, but for [`ViewFigures::psnr_copying`], which needs other views.
 ///
 /// # Shapes
 /// `rendered` has the size of `view`; `dynamic` `[H, W]`. Without `dynamic` the figures by motion are absent.

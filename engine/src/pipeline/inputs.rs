@@ -4,7 +4,7 @@ use lgs_formats::clip_dir::ClipDir;
 
 use crate::{
     error::{EngineError, Result},
-    gaussians::motion::Motion,
+    gaussians::motion::{self, Motion, Movement, MovingBox},
     points::{self, PointCloud},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
@@ -43,11 +43,28 @@ impl<'a> Inputs<'a> {
         self.motion
     }
 
-    /// Where the sensor was at the timestamp of each input sweep, metres, clip frame; [`PointCloud::origins`] has the place for each return.
-    pub fn sensors(&self) -> Vec<[f32; 3]> {
-        let sweep = |&frame: &usize| &self.dir.clip().frames[frame].lidar;
-        let origins = self.frames.iter().map(|frame| self.frame.points(&sweep(frame).world_from_lidar, &[[0.0; 3]])[0]);
-        origins.collect()
+    /// What moves among the returns of the cloud.
+    pub(super) fn movement(&self, cloud: &PointCloud) -> Movement {
+        match self.motion {
+            Motion::None => Movement::none(cloud.len()),
+            Motion::Registered => motion::registered(cloud, &self.views),
+            Motion::Boxes => motion::boxed(cloud, &self.boxes()),
+        }
+    }
+
+    /// The tracked boxes of the input frames.
+    fn boxes(&self) -> Vec<MovingBox> {
+        let of = |&frame: &usize| {
+            let record = &self.dir.clip().frames[frame];
+            record.boxes.iter().flatten().map(move |tracked| MovingBox {
+                frame: u32::try_from(frame).unwrap_or(u32::MAX),
+                time: record.lidar.timestamp - self.frame.time_zero,
+                track: tracked.track.clone(),
+                size: tracked.size,
+                clip_from_box: self.frame.clip_from_world * tracked.world_from_box,
+            })
+        };
+        self.frames.iter().flat_map(of).collect()
     }
 
     /// The input views.
@@ -65,7 +82,8 @@ impl<'a> Inputs<'a> {
     /// # Errors
     /// Whatever is wrong with a sweep's file; [`EngineError::Leak`] for a return of another frame.
     pub fn cloud(&self) -> Result<PointCloud> {
-        let cloud = points::aggregate(self.dir, &self.frames, &self.frame)?;
+        let mut cloud = points::aggregate(self.dir, &self.frames, &self.frame)?;
+        points::tell_apart(&mut cloud, self.dir.clip(), &self.frame)?;
         let allowed = |frame: u32| self.frames.iter().any(|&input| u32::try_from(input) == Ok(frame));
         match cloud.frames.chunk_by(|a, b| a == b).map(|run| run[0]).find(|&frame| !allowed(frame)) {
             Some(frame) => Err(EngineError::Leak { frame: frame as usize }),

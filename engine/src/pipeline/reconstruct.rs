@@ -64,7 +64,7 @@ pub struct Reconstruction {
     pub seconds: f64,
 }
 
-/// Steps of [`Stage::Points`] that progress is told of: cloud, colours, spacing, velocities.
+/// Steps of [`Stage::Points`] that progress is told of: cloud, velocities, colours, spacing.
 const POINT_STEPS: usize = 4;
 
 /// A reconstruction that has its initial `LiDAR` Gaussians, and nothing else yet.
@@ -72,6 +72,7 @@ const POINT_STEPS: usize = 4;
 pub struct Begun<'a, 'b> {
     inputs: &'b Inputs<'a>,
     cloud: PointCloud,
+    movement: motion::Movement,
     scene: GaussianSet,
     start: Instant,
 }
@@ -82,22 +83,25 @@ pub struct Begun<'a, 'b> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let (cloud, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let cloud = inputs.cloud()?;
         step();
-        let colours = points::paint(&cloud, inputs.views());
+        let movement = inputs.movement(&cloud);
+        step();
+        let colours = points::paint(&cloud, &movement.velocities, inputs.views());
         step();
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
         let spacing = points::bounded(&spacing, &cloud.ranges(&painted));
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
         step();
-        motion::set_velocities(&mut scene, &painted, &cloud, &inputs.sensors(), inputs.motion());
-        step();
-        Result::Ok((cloud, scene))
+        for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
+            *own = movement.velocities[point as usize];
+        }
+        Result::Ok((cloud, movement, scene))
     })?;
-    Ok(Begun { inputs, cloud, scene, start })
+    Ok(Begun { inputs, cloud, movement, scene, start })
 }
 
 impl Begun<'_, '_> {
@@ -117,7 +121,7 @@ impl Begun<'_, '_> {
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, mut scene, start } = self;
+        let Self { inputs, cloud, movement, mut scene, start } = self;
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
@@ -129,9 +133,10 @@ impl Begun<'_, '_> {
         watch.time(Stage::Points, |_| {
             gaussians::merge_dense(&mut scene, inputs.views(), settings.coarseness);
         });
-        let depth_maps = watch
-            .stage(Stage::Background, 1, |_| background::add_background(&mut scene, inputs.views(), &cloud, settings));
-        drop(cloud);
+        let depth_maps = watch.stage(Stage::Background, 1, |_| {
+            background::add_background(&mut scene, inputs.views(), (&cloud, &movement), settings)
+        });
+        drop((cloud, movement));
         let initial = scene.num_lidar;
         if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
             check_refinement([initial, scene.len() - initial], Some(&settings.model.config), Flags::default())?;

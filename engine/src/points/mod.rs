@@ -4,12 +4,14 @@ mod aggregate;
 mod occlusion;
 mod paint;
 mod spacing;
+mod turn;
 
 pub use aggregate::aggregate;
 pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::sample;
 pub use spacing::{bounded, spacing};
+pub use turn::tell_apart;
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///

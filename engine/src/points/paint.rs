@@ -1,10 +1,12 @@
 //! The colour of every point, from the images that see it.
 
+use std::borrow::Cow;
+
 use lgs_formats::image::PixelLabel;
 use rayon::prelude::*;
 
 use super::{PointCloud, occlusion::DepthGrid};
-use crate::views::{Projected, Role, View};
+use crate::views::{DepthSample, Projected, Role, View};
 
 /// Waits that differ by less than this are the same, seconds: clocks that count from an epoch are rounded.
 const SAME_WAIT: f32 = 1e-4;
@@ -17,25 +19,49 @@ const SAME_WAIT: f32 = 1e-4;
 /// ignores give none either. Held-out views are never read.
 ///
 /// # Shapes
-/// Result `[N, 3]`.
-pub fn paint(cloud: &PointCloud, views: &[View]) -> Vec<Option<[f32; 3]>> {
+/// `velocities` `[N, 3]` metres a second, of points that are where they are at the moment of their sweep; result `[N, 3]`.
+pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec<Option<[f32; 3]>> {
     let inputs: Vec<(&View, DepthGrid)> = views
         .iter()
         .filter(|view| view.role == Role::Input)
-        .map(|view| (view, DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples)))
+        .map(|view| {
+            let samples = samples_at(cloud, velocities, view);
+            (view, DepthGrid::new(view.pinhole.width, view.pinhole.height, &samples))
+        })
         .collect();
     let mut result = vec![None; cloud.len()];
     result.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, colour)| {
-        *colour = colour_of(cloud, i, &inputs);
+        *colour = colour_of(cloud, i, velocities[i], &inputs);
     });
     result
 }
 
-fn colour_of(cloud: &PointCloud, i: usize, inputs: &[(&View, DepthGrid)]) -> Option<[f32; 3]> {
+/// The returns of a view's own sweep where they are at the moment of the view, ascending by pixel, the nearest of each.
+pub(crate) fn samples_at<'a>(cloud: &PointCloud, velocities: &[[f32; 3]], view: &'a View) -> Cow<'a, [DepthSample]> {
+    let start = cloud.frames.partition_point(|&frame| (frame as usize) < view.frame);
+    let end = cloud.frames.partition_point(|&frame| frame as usize <= view.frame);
+    let at_once = cloud.times[start..end].windows(2).all(|pair| pair[0] == pair[1]);
+    if at_once && velocities[start..end].iter().all(|velocity| *velocity == [0.0; 3]) {
+        return Cow::Borrowed(&view.depth_samples);
+    }
+    let sample = |i: usize| {
+        let seconds = view.pinhole.time - cloud.times[i];
+        let at = view.pinhole.project(std::array::from_fn(|k| cloud.positions[i][k] + velocities[i][k] * seconds))?;
+        Some(DepthSample { pixel: u32::try_from(at.pixel(view.pinhole.width)).ok()?, depth: at.depth })
+    };
+    let mut samples: Vec<DepthSample> = (start..end).filter_map(sample).collect();
+    samples.sort_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
+    samples.dedup_by_key(|sample| sample.pixel);
+    Cow::Owned(samples)
+}
+
+fn colour_of(cloud: &PointCloud, i: usize, velocity: [f32; 3], inputs: &[(&View, DepthGrid)]) -> Option<[f32; 3]> {
     let own = |view: &View| u32::try_from(view.frame).is_ok_and(|frame| frame == cloud.frames[i]);
     let mut best: Option<([f32; 3], (f32, f32))> = None;
     for (view, grid) in inputs {
-        let Some(at) = view.pinhole.project(cloud.positions[i]) else { continue };
+        let seconds = view.pinhole.time - cloud.times[i];
+        let place = std::array::from_fn(|k| cloud.positions[i][k] + velocity[k] * seconds);
+        let Some(at) = view.pinhole.project(place) else { continue };
         let wait = if own(view) { -1.0 } else { ((view.pinhole.time - cloud.times[i]).abs() / SAME_WAIT).round() };
         let footprint = at.depth / view.pinhole.fx; // metres a pixel
         if best.is_some_and(|(_, rank)| rank <= (wait, footprint)) || grid.covers(at) {

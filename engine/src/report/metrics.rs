@@ -2,6 +2,7 @@
 
 use serde::{Serialize, Serializer};
 
+use super::moving::MovingShares;
 use crate::{
     densify::{Density, Limit},
     evaluate::ViewFigures,
@@ -40,6 +41,8 @@ pub struct Metrics {
     pub seed: u64,
     /// How many Gaussians there were.
     pub gaussians: GaussianCounts,
+    /// Which share of them moves in the finished scene.
+    pub moving: MovingShares,
     /// What the network did and left out; `None`, and no key, without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkSummary>,
@@ -161,6 +164,7 @@ fn mean(all: Vec<&ViewFigures>) -> ViewFigures {
     };
     ViewFigures {
         psnr: mean_of(|f| f.psnr),
+        psnr_copying: mean_of(|f| f.psnr_copying),
         ssim: mean_of(|f| f.ssim),
         lpips: mean_of(|f| f.lpips),
         dmae: mean_of(|f| f.dmae),
@@ -178,7 +182,7 @@ pub struct FigureKind {
     pub key: &'static str,
     /// Heading for people, with the unit.
     pub label: &'static str,
-    /// The better side.
+    /// The better side; empty for a figure that others are compared with.
     pub better: &'static str,
     /// Digits after the point that people are shown.
     pub digits: usize,
@@ -187,6 +191,11 @@ pub struct FigureKind {
 }
 
 impl FigureKind {
+    /// The heading with its better side.
+    pub fn heading(&self) -> String {
+        format!("{} {}", self.label, self.better).trim_end().to_owned()
+    }
+
     /// The value as people are shown it; a dash when it is not defined.
     pub fn text(&self, figures: &ViewFigures) -> String {
         match (self.get)(figures) {
@@ -197,9 +206,13 @@ impl FigureKind {
     }
 }
 
+/// How many of [`FIGURES`], from the first, are of the full image; the others are of its moving and its static pixels.
+pub const NUM_FULL_IMAGE: usize = 5;
+
 /// Every figure, in the order of `metrics.json`.
-pub const FIGURES: [FigureKind; 8] = [
+pub const FIGURES: [FigureKind; 9] = [
     FigureKind { key: "psnr", label: "PSNR (dB)", better: "↑", digits: 2, get: |f| f.psnr },
+    FigureKind { key: "psnr_copying", label: "copying (dB)", better: "", digits: 2, get: |f| f.psnr_copying },
     FigureKind { key: "ssim", label: "SSIM", better: "↑", digits: 3, get: |f| f.ssim },
     FigureKind { key: "lpips", label: "LPIPS", better: "↓", digits: 3, get: |f| f.lpips },
     FigureKind { key: "dmae", label: "DMAE (m)", better: "↓", digits: 2, get: |f| f.dmae },
@@ -265,7 +278,7 @@ mod tests {
         let json = |psnr| serde_json::to_value(view(2, Role::HeldOut, psnr, Some(0.5))).unwrap();
         let plain = json(Some(17.25));
         let keys: Vec<&String> = plain.as_object().unwrap().keys().collect();
-        assert_eq!(keys.len(), 11);
+        assert_eq!(keys.len(), 12);
         assert_eq!((&plain["frame"], &plain["role"], &plain["psnr"]), (&2.into(), &"held-out".into(), &17.25.into()));
         assert!(plain["lpips"].is_null());
         assert_eq!(json(Some(f64::INFINITY))["psnr"], "inf");

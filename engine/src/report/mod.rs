@@ -4,11 +4,14 @@ mod colour_maps;
 mod html;
 mod maps;
 mod metrics;
+mod moving;
 mod pictures;
 
 pub use html::{Page, PageView, document, escape, html};
 pub use maps::maps_in_words;
 pub use metrics::{
-    BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, RoleMeans, ViewRecord, role_name,
+    BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, NUM_FULL_IMAGE, RoleMeans, ViewRecord,
+    role_name,
 };
+pub use moving::{MOVING_SPEED, MovingShares, percent};
 pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind, ScoreKind};

@@ -1,6 +1,7 @@
 //! The command line as a process.
 
 mod adam;
+mod copying;
 mod densify;
 mod depth_maps;
 mod describe;
@@ -29,6 +30,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         hostile_clips::cases(),
         real_clips::cases(),
         scenes::cases(),
+        copying::cases(),
         densify::cases(),
         depth_maps::cases(),
         describe::cases(),

@@ -3,11 +3,21 @@
 use std::fs;
 use std::path::Path;
 
+use lgs_formats::digest::sha256;
 use lgs_tests::process::{binary, run};
 use lgs_tests::readme::{built_binary, shell_blocks};
 use lgs_tests::sources::all_files;
 use lgs_tests::{Outcome, case, clips};
-use libtest_mimic::Trial;
+use libtest_mimic::{Failed, Trial};
+
+/// Scenes of splits that figures rest on, and the SHA-256 of all their files, one behind the other in the order of their names.
+const KNOWN: [(&str, &str, &str); 3] = [
+    ("train", "5", "62c69775635933f76ec4e9c4cd3ff0c899091e2b1c3f3d48045c6c584551ef35"),
+    ("validation", "3", "a7d004a87c0a854c8e85bea169d4716992dc1d8dbf617886423acbc27dce06dc"),
+    ("test", "0", "e9966d7bce4c50a8e908fdbc8ddae2c1a6c7e550b2ce20bb4ca95be0b8ec5eb6"),
+];
+/// What makes them small.
+const SMALL: [&str; 9] = ["--image-size", "24x48", "--beams", "8", "--azimuths", "90", "--frames", "2", "--masks"];
 
 /// The page of the shipped clip.
 const PAGE: &str = "README.md";
@@ -15,6 +25,8 @@ const PAGE: &str = "README.md";
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("cli::scenes::street_is_what_the_code_makes", street_is_what_the_code_makes),
+        case("cli::scenes::splits_stay_as_they_are", splits_stay_as_they_are),
+        case("cli::scenes::traffic_is_a_split_of_its_own", traffic_is_a_split_of_its_own),
         case("cli::scenes::an_existing_clip_is_kept", an_existing_clip_is_kept),
     ]
 }
@@ -62,4 +74,38 @@ fn an_existing_clip_is_kept() -> Outcome {
     run(&binary("lgs-train")?, &flags, place.path())?.expect_refusal(&["street"])?;
     let kept = fs::read_to_string(clip.join("clip.json"))? == "mine" && all_files(&clip)?.len() == 1;
     if kept { Ok(()) } else { Err("the clip that was there was changed".into()) }
+}
+
+/// Figures of the past rest on these scenes.
+fn splits_stay_as_they_are() -> Outcome {
+    for (split, number, want) in KNOWN {
+        let got = digest(split, number)?;
+        if got != want {
+            return Err(format!("scene {number} of {split} has changed: {got}, want {want}").into());
+        }
+    }
+    Ok(())
+}
+
+fn traffic_is_a_split_of_its_own() -> Outcome {
+    let [train, test, again] = [digest("traffic", "5")?, digest("traffic-test", "5")?, digest("traffic", "5")?];
+    if train == again && train != test && KNOWN.iter().all(|known| known.2 != train) {
+        return Ok(());
+    }
+    Err(format!("traffic {train} and {again}, traffic-test {test}").into())
+}
+
+/// SHA-256 of all files of a small scene.
+fn digest(split: &str, number: &str) -> Result<String, Failed> {
+    let place = tempfile::tempdir()?;
+    let asked = ["scenes", "--out", "made", "--name", "scene", "--split", split, "--seed", number];
+    run(&binary("lgs-train")?, &[asked.as_slice(), &SMALL].concat(), place.path())?.expect_success()?;
+    let root = place.path().join("made/scene");
+    let mut files = all_files(&root)?;
+    files.sort();
+    let mut bytes = Vec::new();
+    for file in files {
+        bytes.extend(fs::read(root.join(file))?);
+    }
+    Ok(sha256(&bytes))
 }

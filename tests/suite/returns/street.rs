@@ -38,7 +38,7 @@ const WORTH: f64 = 0.15;
 fn config() -> SceneConfig {
     let mut config = presets::street_clip(3);
     config.traffic.ego_speed = SPEED;
-    config.rig.lidar.turn_s = TURN;
+    (config.rig.lidar.sweep_s, config.rig.lidar.compensated) = (TURN, false);
     config.rig.lidar.range_noise_m = 0.0;
     config.rig.cameras.truncate(1);
     for camera in &mut config.rig.cameras {

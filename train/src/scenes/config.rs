@@ -18,6 +18,10 @@ pub enum Split {
     Validation,
     /// Scenes that are only measured on.
     Test,
+    /// Streets with real traffic that weights learn from.
+    Traffic,
+    /// Streets with real traffic that are only measured on.
+    TrafficTest,
 }
 
 impl Split {
@@ -30,6 +34,8 @@ impl Split {
             Self::Train => 0,
             Self::Validation => 1,
             Self::Test => 2,
+            Self::Traffic => 3,
+            Self::TrafficTest => 4,
         };
         (block << 60) | (number & Self::MAX_NUMBER)
     }
@@ -40,6 +46,8 @@ impl Split {
             Self::Train => "train",
             Self::Validation => "validation",
             Self::Test => "test",
+            Self::Traffic => "traffic",
+            Self::TrafficTest => "traffic-test",
         }
     }
 }
@@ -80,6 +88,46 @@ pub struct TrafficSpec {
     pub num_people: usize,
     /// Share of parking slots that are taken, 0..=1.
     pub parked: f64,
+    /// What real streets have beyond that.
+    pub busy: Option<BusySpec>,
+}
+
+/// Traffic as real streets have it. Each number is of things that are tried to be placed, 0..=12; fewer come where no gap is left.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BusySpec {
+    /// Place of a side street along the street, metres, 5..=100; without one nobody crosses or turns.
+    pub side_street: Option<f64>,
+    /// Lorries with trailers.
+    pub lorries: usize,
+    /// Cars of a queue at walking pace.
+    pub queue: usize,
+    /// Cars on the side street, across the street.
+    pub crossing: usize,
+    /// Cars that turn from one into the other.
+    pub turning: usize,
+    /// Cyclists.
+    pub cyclists: usize,
+    /// People who walk across the street.
+    pub people_across: usize,
+}
+
+impl BusySpec {
+    fn validate(&self) -> Result<()> {
+        if let Some(place) = self.side_street {
+            check("traffic.busy.side_street", place, Range(5.0, 100.0))?;
+        }
+        let numbers = [
+            ("lorries", self.lorries),
+            ("queue", self.queue),
+            ("crossing", self.crossing),
+            ("turning", self.turning),
+            ("cyclists", self.cyclists),
+            ("people_across", self.people_across),
+        ];
+        numbers
+            .iter()
+            .try_for_each(|(name, number)| check(format!("traffic.busy.{name}"), *number as f64, Range(0.0, 12.0)))
+    }
 }
 
 /// Sun, sky and air.
@@ -165,6 +213,7 @@ impl SceneConfig {
         check("traffic.speeds[1]", traffic.speeds[1], Range(traffic.speeds[0], 20.0))?;
         check("traffic.num_people", traffic.num_people as f64, Range(0.0, 30.0))?;
         check("traffic.parked", traffic.parked, Range(0.0, 1.0))?;
+        traffic.busy.iter().try_for_each(BusySpec::validate)?;
         check("light.sun_azimuth_deg", self.light.sun_azimuth_deg, Range(-360.0, 360.0))?;
         check("light.sun_elevation_deg", self.light.sun_elevation_deg, Range(5.0, 90.0))?;
         check("light.overcast", self.light.overcast, Range(0.0, 1.0))?;

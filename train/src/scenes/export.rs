@@ -140,7 +140,9 @@ fn write_frame(
     if let Some(times) = &scan.sweep.times {
         let file = PathBuf::from(format!("lidar/{index:04}.times"));
         write_times(&root.join(&file), times)?;
-        lidar.returns = ReturnsRecord { times: Some(file), compensation: Compensation::None, sensors: None };
+        let compensated = scene.config().rig.lidar.compensated;
+        let compensation = if compensated { Compensation::To(0.0) } else { Compensation::None };
+        lidar.returns = ReturnsRecord { times: Some(file), compensation, sensors: None };
     }
     let mut cameras = Vec::new();
     for k in 0..scene.config().rig.cameras.len() {

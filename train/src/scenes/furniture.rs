@@ -97,6 +97,11 @@ impl Furniture {
         ]
     }
 
+    /// A bollard or a post of this height (metres).
+    pub(crate) fn post(&self, height: f64) -> Vec<Part> {
+        vec![pole(DVec3::ZERO, height, 0.06, self.metal)]
+    }
+
     /// A bin, a bollard, a cabinet or a bench.
     pub(crate) fn small(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
         match dice.index(5) {

@@ -7,6 +7,7 @@ use super::{
     maths::{cell, hash, mix, narrow, smoothstep, unit},
     road::Road,
     shapes::Ray,
+    side_street::SideStreet,
     texture::{octaves, pulse, stripes, survives},
 };
 
@@ -42,6 +43,7 @@ pub(crate) struct Ground {
     pub(crate) slab: f32,
     /// Places along the street of zebra crossings (metres).
     pub(crate) crossings: Vec<f32>,
+    pub(crate) side: Option<SideStreet>,
     pub(crate) seed: u32,
 }
 
@@ -52,6 +54,9 @@ impl Ground {
         let (kerb, height) = (narrow(self.road.kerb_offset()), narrow(self.road.kerb_height));
         if down <= 0.0 || ray.origin.z <= height {
             return None;
+        }
+        if let Some(side) = self.side {
+            return Some(self.with_side_street(side, ray)).filter(|hit| hit.t > t_min && hit.t < t_max);
         }
         let offset = |t: f32| self.road.offset(ray.at(t).truncate());
         let upper = (ray.origin.z - height) / down;
@@ -71,12 +76,46 @@ impl Ground {
         (hit.t > t_min && hit.t < t_max).then_some(hit)
     }
 
+    /// As [`Self::intersect`], for a ray that comes down from above the kerbs, where a side street has kerbs of its own.
+    fn with_side_street(&self, side: SideStreet, ray: &Ray) -> GroundHit {
+        let (kerb, height) = (narrow(self.road.kerb_offset()), narrow(self.road.kerb_height));
+        let from_kerbs = |t: f32| {
+            let at = ray.at(t).truncate();
+            [self.road.offset(at).abs() - kerb, side.outside(&self.road, at)]
+        };
+        let raised = |t: f32| from_kerbs(t).into_iter().fold(f32::INFINITY, f32::min);
+        let (upper, lower) = ((ray.origin.z - height) / -ray.direction.z, ray.origin.z / -ray.direction.z);
+        if raised(upper) >= 0.0 {
+            return GroundHit { t: upper, normal: Vec3::Z, zone: Zone::Pavement };
+        }
+        if raised(lower) < 0.0 {
+            return GroundHit { t: lower, normal: Vec3::Z, zone: Zone::Carriageway };
+        }
+        let t = crossing(raised, upper, lower, 0.0);
+        let (at, [own, others]) = (ray.at(t).truncate(), from_kerbs(t));
+        let left = self.road.left(at);
+        let inward = if own < others {
+            left * -self.road.offset(at).signum()
+        } else {
+            -left.perp() * (narrow(side.s) - self.road.coordinates(at).x).signum()
+        };
+        GroundHit { t, normal: Vec3::new(inward.x, inward.y, 0.0), zone: Zone::Kerb }
+    }
+
+    /// Whether a ground point lies on the side street, its mouths and the crossing.
+    fn is_on_side_street(&self, at: Vec2) -> bool {
+        self.side.is_some_and(|side| side.outside(&self.road, at) < 0.0)
+    }
+
     /// What the ground does with light at a world point.
     pub(crate) fn texel(&self, point: Vec3, zone: Zone, footprint: f32) -> Texel {
         let at = self.road.coordinates(Vec2::new(point.x, point.y));
         let w = footprint / self.texture_scale;
         match zone {
-            Zone::Carriageway => self.carriageway(at, footprint, w),
+            Zone::Carriageway => {
+                let side = self.is_on_side_street(Vec2::new(point.x, point.y));
+                self.carriageway(at, footprint, w, side)
+            }
             Zone::Kerb => {
                 let joint = stripes(at.x, 1.0, 0.03, footprint);
                 let tone = 1.0 + 0.3 * octaves(at.x, point.z * 4.0, 4.0, 3, footprint, self.seed ^ 6);
@@ -86,7 +125,7 @@ impl Ground {
         }
     }
 
-    fn carriageway(&self, at: Vec2, footprint: f32, w: f32) -> Texel {
+    fn carriageway(&self, at: Vec2, footprint: f32, w: f32, on_side_street: bool) -> Texel {
         let (s, d) = (at.x, at.y);
         let scaled = at / self.texture_scale;
         let patch = octaves(scaled.x * 0.35, scaled.y, 0.5, 3, w, self.seed);
@@ -108,10 +147,11 @@ impl Ground {
         let vein = octaves(scaled.x, scaled.y, 0.45, 3, w, self.seed ^ 3).abs();
         albedo *= 1.0 - 0.4 * smoothstep(0.022, 0.0, vein) * smoothstep(0.0, 0.25, patch) * survives(9.0, w);
         let kerb = narrow(self.road.kerb_offset());
-        let gutter = smoothstep(kerb - 0.5, kerb, d.abs());
+        let gutter = if on_side_street { 0.0 } else { smoothstep(kerb - 0.5, kerb, d.abs()) };
         albedo = albedo.lerp(self.asphalt * 0.75, gutter);
         let worn = 0.78 + 0.3 * octaves(scaled.x, scaled.y, 3.0, 3, w, self.seed ^ 4);
-        let paint = self.markings(s, d, footprint) * worn.clamp(0.0, 1.0);
+        let markings = if on_side_street { 0.0 } else { self.markings(s, d, footprint) };
+        let paint = markings * worn.clamp(0.0, 1.0);
         Texel { openness: 1.0 - 0.2 * gutter, ..Texel::opaque(albedo.lerp(colour(0.86, 0.86, 0.83), paint)) }
     }
 
@@ -199,6 +239,7 @@ mod tests {
             verge: Vec3::splat(0.2),
             slab: 0.6,
             crossings: vec![20.0],
+            side: None,
             seed: 1,
         }
     }
@@ -221,6 +262,28 @@ mod tests {
         }
         assert!(seen.iter().all(|&n| n > 3), "{seen:?}");
         assert!(ground.intersect(&Ray { origin, direction: Vec3::X }, 0.0, 100.0).is_none());
+    }
+
+    #[test]
+    fn a_side_street_lets_the_carriageway_through_the_pavements() {
+        let ground = Ground { side: Some(SideStreet { s: 9.0 }), ..ground() };
+        let origin = Vec3::new(4.0, 7.0, 2.0);
+        let mut seen = [0; 3];
+        for k in 1..400_u16 {
+            let ray = Ray { origin, direction: Vec3::new(f32::from(k) * 0.02, 0.004 * f32::from(k % 9), -1.0) };
+            let hit = ground.intersect(&ray, 0.0, 100.0).unwrap();
+            let p = ray.at(hit.t);
+            let outside = ground.side.unwrap().outside(&ground.road, p.truncate());
+            match hit.zone {
+                Zone::Carriageway => assert!(p.z.abs() < 1e-4 && outside < 1e-4, "{p}"),
+                Zone::Kerb => {
+                    assert!(outside.abs() < 1e-3 && hit.normal.dot(ray.direction) <= 0.0, "{p} {}", hit.normal)
+                }
+                Zone::Pavement => assert!((p.z - 0.13).abs() < 1e-4 && outside > -1e-4, "{p}"),
+            }
+            seen[hit.zone as usize] += 1;
+        }
+        assert!(seen.iter().all(|&n| n > 3), "{seen:?}");
     }
 
     #[test]

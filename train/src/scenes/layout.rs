@@ -15,6 +15,7 @@ use super::{
     primitive::{Part, Primitive},
     road::Road,
     shapes::Shape,
+    side_street::{HALF_WIDTH, SideStreet},
     traffic,
     trees::Foliage,
 };
@@ -36,6 +37,8 @@ pub(crate) mod streams {
     pub(crate) const GROUND: u64 = 6;
     pub(crate) const BACKDROP: u64 = 7;
     pub(crate) const LIGHT: u64 = 8;
+    pub(crate) const BUSY: u64 = 9;
+    pub(crate) const BUSY_CONFIG: u64 = 10;
     /// Plus frame * 2^16 + beam.
     pub(crate) const LIDAR: u64 = 1 << 40;
 }
@@ -59,6 +62,7 @@ struct Builder<'a> {
     palette: Palette,
     statics: Vec<Primitive>,
     crossings: Vec<f64>,
+    side: Option<SideStreet>,
 }
 
 impl Layout {
@@ -80,16 +84,19 @@ impl Layout {
             crossings.push(s);
             s += dice.uniform(45.0, 100.0);
         }
-        let ground = ground(config, road, &crossings, &mut dice);
-        let mut builder = Builder { config, road, palette: Palette::default(), statics: Vec::new(), crossings };
+        let side = config.traffic.busy.as_ref().and_then(|busy| busy.side_street).map(|s| SideStreet { s });
+        crossings.retain(|&s| side.is_none_or(|side| side.is_clear(s, 6.0)));
+        let ground = Ground { side, ..ground(config, road, &crossings, &mut dice) };
+        let mut builder = Builder { config, road, palette: Palette::default(), statics: Vec::new(), crossings, side };
         builder.houses();
         builder.backdrop();
         builder.trees();
         builder.furniture();
-        let traffic = traffic::Traffic::new(config, &road, &builder.crossings, &mut builder.palette);
+        let kept_free: Vec<f64> = builder.crossings.iter().copied().chain(side.map(|side| side.s)).collect();
+        let traffic = traffic::Traffic::new(config, &road, &kept_free, &mut builder.palette);
         for (k, object) in (0_u32..).zip(&traffic.objects) {
             if !object.is_mobile() {
-                let pose = object.motion.at(&road, 0.0).pose;
+                let pose = object.course.at(&road, 0.0).pose;
                 builder.statics.extend(object.model.parts.iter().map(|part| part.placed(&pose, Some(k))));
             }
         }
@@ -111,6 +118,7 @@ fn ground(config: &SceneConfig, road: Road, crossings: &[f64], dice: &mut Dice) 
         verge: colour(0.8 * green, green, 0.5 * green),
         slab: dice.pick(&[0.5, 0.6, 0.9]),
         crossings: crossings.iter().map(|&s| narrow(s)).collect(),
+        side: None,
         seed: dice.bits(),
     }
 }
@@ -130,7 +138,19 @@ impl Builder<'_> {
     }
 
     fn is_free(&self, s: f64) -> bool {
-        self.crossings.iter().all(|&at| (s - at).abs() > 4.0)
+        self.crossings.iter().all(|&at| (s - at).abs() > 4.0) && self.is_clear(s, 1.5)
+    }
+
+    /// Whether something `reach` metres long on both sides of `s` keeps clear of a side street.
+    fn is_clear(&self, s: f64, reach: f64) -> bool {
+        self.side.is_none_or(|side| side.is_clear(s, reach))
+    }
+
+    /// As [`Self::place`], but nothing where a side street runs.
+    fn place_beside(&mut self, parts: &[Part], s: f64, d: f64, heading: f64) {
+        if self.is_clear(s, 1.2) {
+            self.place(parts, s, d, heading);
+        }
     }
 
     fn houses(&mut self) {
@@ -144,6 +164,10 @@ impl Builder<'_> {
                 let plot = dice.uniform(7.0, 17.0);
                 let width = plot * (1.0 - self.road.curvature * line);
                 let middle = s + 0.5 * plot;
+                if !self.is_clear(middle, 0.5 * plot + 0.3) {
+                    s += plot;
+                    continue;
+                }
                 if dice.chance(street.open_plots) {
                     let hedge = foliage.hedge(&mut dice, &mut self.palette, width - 1.0);
                     self.place(&hedge, middle, line + side * 0.6, 0.0);
@@ -214,7 +238,7 @@ impl Builder<'_> {
             let facing = if side > 0.0 { 0.0 } else { std::f64::consts::PI };
             let mut s = FURNISHED[0] + if side > 0.0 { 0.0 } else { 0.5 * gap };
             while s < FURNISHED[1] {
-                self.place(&lamp, s, side * (kerb + 0.45), Self::inward(side));
+                self.place_beside(&lamp, s, side * (kerb + 0.45), Self::inward(side));
                 s += gap;
             }
             let mut s = FURNISHED[0] + dice.uniform(0.0, 20.0);
@@ -224,19 +248,49 @@ impl Builder<'_> {
                 } else {
                     furniture.sign(&mut dice, &mut self.palette)
                 };
-                self.place(&parts, s, side * (kerb + dice.uniform(0.4, 0.7)), facing + dice.uniform(-0.15, 0.15));
+                self.place_beside(
+                    &parts,
+                    s,
+                    side * (kerb + dice.uniform(0.4, 0.7)),
+                    facing + dice.uniform(-0.15, 0.15),
+                );
                 s += dice.uniform(14.0, 34.0);
             }
             let mut s = FURNISHED[0] + dice.uniform(0.0, 8.0);
             while s < FURNISHED[1] {
                 let parts = furniture.small(&mut dice, &mut self.palette);
                 let d = if dice.chance(0.6) { wall - 0.5 } else { kerb + 0.5 };
-                self.place(&parts, s, side * d, Self::inward(side));
+                self.place_beside(&parts, s, side * d, Self::inward(side));
                 s += dice.uniform(5.0, 16.0);
             }
             for at in self.crossings.clone() {
                 let light = furniture.traffic_light(&mut dice, &mut self.palette);
                 self.place(&light, at + side * 3.2, side * (kerb + 0.5), facing);
+            }
+        }
+        if let Some(side) = self.side {
+            self.corners(&furniture, side, &mut dice);
+        }
+    }
+
+    /// Poles at the corners of a side street and rows of bollards or posts beside them, behind which others pass.
+    fn corners(&mut self, furniture: &Furniture, street: SideStreet, dice: &mut Dice) {
+        let kerb = self.road.kerb_offset();
+        for (side, before) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            let corner = street.s + before * (HALF_WIDTH + 1.3);
+            let parts = if dice.chance(0.5) {
+                furniture.traffic_light(dice, &mut self.palette)
+            } else {
+                furniture.lamp_post(dice.uniform(4.0, 6.0))
+            };
+            self.place(&parts, corner, side * (kerb + 0.6), Self::inward(side));
+            if dice.chance(0.4) {
+                continue;
+            }
+            let post = furniture.post(if dice.chance(0.6) { 0.95 } else { dice.uniform(2.0, 3.0) });
+            let gap = dice.uniform(1.4, 2.6);
+            for k in 1..dice.between(4, 9) {
+                self.place(&post, corner + before * gap * k as f64, side * (kerb + 0.35), 0.0);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Sweeps of the spinning LiDAR.
+//! Sweeps of the spinning LiDAR at a moment.
 
 use glam::Vec3;
 use lgs_formats::{pose::Pose, sweep::Sweep};
@@ -19,8 +19,8 @@ const GLASS_LOSS: f32 = 0.75;
 /// A sweep and what is exactly known of its points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scan {
-    /// Points in the LiDAR's frame and intensities in 0..=1; beam by beam from the lowest. Where a turn takes time, also the time of each
-    /// point, and the frame is where the LiDAR is at that time.
+    /// Points in the LiDAR's frame and intensities in 0..=1; beam by beam from the lowest. Where a sweep takes time, also the time of each
+    /// point; the frame is that of the LiDAR at the frame's timestamp, or at the time of the point where sweeps are not compensated.
     pub sweep: Sweep,
     /// `[N, 3]` velocity of the surface in the clip's world, m/s.
     pub velocities: Vec<[f32; 3]>,
@@ -34,49 +34,60 @@ struct Return {
     point: Vec3,
     intensity: f32,
     velocity: Vec3,
+    time: f32,
     object: Option<u32>,
-    /// Seconds since the frame's timestamp.
-    time: f64,
 }
 
-/// The world and the LiDAR's place in it when rays leave.
+/// The world and the LiDAR while some rays of a sweep leave.
 #[derive(Debug)]
-pub(crate) struct Stance<'a> {
-    /// Seconds since the frame's timestamp.
+pub(crate) struct Instant<'a> {
+    /// Seconds after the frame's timestamp.
     pub(crate) time: f64,
     pub(crate) moment: Moment<'a>,
     pub(crate) world_from_lidar: Pose,
+    /// To the LiDAR's frame at the frame's timestamp; `None` where points stay in its frame at this moment.
+    pub(crate) lidar_from_then: Option<Pose>,
 }
 
-/// What a sweep is taken with.
+/// What a sweep is taken with and from where.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scanner<'a> {
     pub(crate) spec: &'a LidarSpec,
+    /// In the order of the sweep, each for as many rays of a beam as the others; at least one.
+    pub(crate) instants: &'a [Instant<'a>],
     /// Turns velocities.
     pub(crate) clip_from_world: Pose,
     pub(crate) seed: u64,
     pub(crate) frame: usize,
 }
 
+impl Instant<'_> {
+    /// A point of the LiDAR's frame in its frame at the frame's timestamp.
+    fn at_timestamp(&self, point: Vec3) -> Vec3 {
+        self.lidar_from_then.as_ref().map_or(point, |pose| narrow3(pose.transform_point(point.as_dvec3())))
+    }
+}
+
 impl Scanner<'_> {
-    /// The sweep of a turn: one stance for all rays, or one for each azimuth. Every beam has draws of its own, so that threads do not matter.
-    pub(crate) fn scan(&self, stances: &[Stance<'_>]) -> Scan {
-        let beams: Vec<Vec<Return>> =
-            (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(stances, beam)).collect();
-        let mut scan = Scan { sweep: Sweep::default(), velocities: Vec::new(), objects: Vec::new() };
-        let mut times = Vec::new();
+    /// The sweep. Every beam has draws of its own, so that threads do not matter.
+    pub(crate) fn scan(&self) -> Scan {
+        let beams: Vec<Vec<Return>> = (0..self.spec.num_beams).into_par_iter().map(|beam| self.beam(beam)).collect();
+        let mut scan = Scan {
+            sweep: Sweep { times: (self.spec.sweep_s > 0.0).then(Vec::new), ..Sweep::default() },
+            velocities: Vec::new(),
+            objects: Vec::new(),
+        };
         for hit in beams.into_iter().flatten() {
             scan.sweep.points.push(hit.point.to_array());
             scan.sweep.intensities.push(hit.intensity);
             scan.velocities.push(hit.velocity.to_array());
+            scan.sweep.times.iter_mut().for_each(|times| times.push(hit.time));
             scan.objects.push(hit.object);
-            times.push(narrow(hit.time));
         }
-        scan.sweep.times = (stances.len() > 1).then_some(times);
         scan
     }
 
-    fn beam(&self, stances: &[Stance<'_>], beam: usize) -> Vec<Return> {
+    fn beam(&self, beam: usize) -> Vec<Return> {
         let spec = self.spec;
         let [low, high] = spec.elevation_deg;
         let share = if spec.num_beams > 1 { beam as f64 / (spec.num_beams - 1) as f64 } else { 0.5 };
@@ -90,12 +101,13 @@ impl Scanner<'_> {
                 let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
                 let noise = narrow(dice.normal() * spec.range_noise_m);
                 let luck = dice.uniform32(0.0, 1.0);
-                let stance = stances.get(k).or(stances.first())?;
-                let origin = narrow3(stance.world_from_lidar.translation());
-                let ray = Ray { origin, direction: narrow_mat(stance.world_from_lidar.rotation()) * local };
-                self.returned(&stance.moment, &ray, local, noise, luck).map(|hit| Return {
+                let instant = &self.instants[k * self.instants.len() / spec.num_azimuths];
+                let origin = narrow3(instant.world_from_lidar.translation());
+                let ray = Ray { origin, direction: narrow_mat(instant.world_from_lidar.rotation()) * local };
+                self.returned(&instant.moment, &ray, local, noise, luck).map(|hit| Return {
+                    point: instant.at_timestamp(hit.point),
                     velocity: turn * hit.velocity,
-                    time: stance.time,
+                    time: narrow(instant.time),
                     ..hit
                 })
             })
@@ -122,8 +134,8 @@ impl Scanner<'_> {
             point: local * (hit.t + noise),
             intensity: returned,
             velocity: narrow3(moment.velocity(hit.target, point)),
-            object: moment.object(hit.target),
             time: 0.0,
+            object: moment.object(hit.target),
         })
     }
 }

@@ -18,6 +18,8 @@ mod shapes;
 
 mod bvh;
 
+mod course;
+mod footprint;
 mod motion;
 mod road;
 
@@ -29,11 +31,15 @@ mod sign_texture;
 mod object;
 
 mod buildings;
+mod cyclist;
 mod furniture;
 mod ground;
+mod lorry;
+mod side_street;
 mod trees;
 mod vehicles;
 
+mod busy;
 mod layout;
 mod traffic;
 
@@ -55,3 +61,5 @@ pub use scene::Scene;
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod traffic_tests;

@@ -8,6 +8,9 @@ use super::{
     road::Road,
 };
 
+/// Half of the length that the vehicle with the sensors takes up (metres).
+pub(crate) const EGO_HALF_LENGTH: f64 = 2.4;
+
 /// Motion along the street at a fixed distance from its middle line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Motion {

@@ -3,7 +3,9 @@
 use glam::{DMat3, DVec3};
 use lgs_formats::{clip::TrackedBox, pose::Pose};
 
-use super::{material::Material, motion::Motion, primitive::MaterialId, primitive::Part, road::Road};
+use super::{
+    course::Course, footprint::Footprint, material::Material, primitive::MaterialId, primitive::Part, road::Road,
+};
 
 /// Speed above which a thing counts as moving, m/s.
 pub(crate) const MOVING_SPEED: f64 = 1.0;
@@ -35,18 +37,23 @@ pub(crate) struct Model {
 pub(crate) struct Object {
     pub(crate) track: String,
     pub(crate) model: Model,
-    pub(crate) motion: Motion,
+    pub(crate) course: Course,
 }
 
 impl Object {
     /// Whether it ever changes its place.
     pub(crate) fn is_mobile(&self) -> bool {
-        self.motion.speed != 0.0 || self.motion.acceleration != 0.0
+        self.course.is_mobile()
     }
 
     /// Whether it counts as moving at a time (seconds).
     pub(crate) fn is_moving(&self, time: f64) -> bool {
-        (self.motion.speed + self.motion.acceleration * time).abs() > MOVING_SPEED
+        self.course.speed(time) > MOVING_SPEED
+    }
+
+    /// The ground that it takes up at a time (seconds).
+    pub(crate) fn footprint(&self, road: &Road, time: f64) -> Footprint {
+        Footprint::of(&self.course.at(road, time), self.model.size.x, self.model.size.y)
     }
 
     /// The box around it at a time (seconds), in the scene's world.
@@ -56,7 +63,7 @@ impl Object {
             track: self.track.clone(),
             category: self.model.category.to_owned(),
             size: self.model.size.to_array(),
-            world_from_box: self.motion.at(road, time).pose * middle,
+            world_from_box: self.course.at(road, time).pose * middle,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Ready-made configurations: one drawn from a seed, and the clip that ships.
 
 use super::{
-    config::{LightSpec, Origin, SceneConfig, StreetSpec, TrafficSpec},
+    config::{BusySpec, LightSpec, Origin, SceneConfig, StreetSpec, TrafficSpec},
     dice::Dice,
     layout::streams,
     rig::{CAMERA_PLACES, CameraSpec, LidarSpec, Rig},
@@ -18,7 +18,7 @@ pub fn varied(seed: u64) -> SceneConfig {
         box_reach_m: 80.0,
         rig: rig(&mut dice),
         street: street(&mut dice),
-        traffic: traffic(&mut dice),
+        traffic: usual_traffic(&mut dice),
         light: light(&mut dice),
         origin: origin(&mut dice),
     }
@@ -65,14 +65,48 @@ fn street(dice: &mut Dice) -> StreetSpec {
     }
 }
 
-fn traffic(dice: &mut Dice) -> TrafficSpec {
+fn usual_traffic(dice: &mut Dice) -> TrafficSpec {
     TrafficSpec {
         ego_speed: if dice.chance(0.1) { 0.0 } else { dice.uniform(2.0, 14.0) },
         num_cars: dice.between(1, 7),
         speeds: [3.0, dice.uniform(8.0, 15.0)],
         num_people: dice.between(0, 5),
         parked: dice.uniform(0.2, 0.9),
+        busy: None,
     }
+}
+
+/// A configuration as [`varied`] draws it, with traffic as real streets have it, seven or eight timestamps at 10 Hz, and cameras that
+/// expose 20 to 100 ms before or after the sweep's timestamp.
+pub fn traffic(seed: u64) -> SceneConfig {
+    let mut config = varied(seed);
+    let mut dice = Dice::new(seed, streams::BUSY_CONFIG);
+    config.num_frames = dice.between(7, 8);
+    config.frame_interval_s = 0.1;
+    config.rig.lidar.num_beams = dice.pick(&[32, 40, 64, 64, 128]);
+    config.rig.lidar.num_azimuths = dice.pick(&[900, 1200, 1800]);
+    for camera in &mut config.rig.cameras {
+        camera.delay_s = dice.uniform(0.02, 0.1) * if dice.chance(0.5) { 1.0 } else { -1.0 };
+    }
+    let ego_speed = if dice.chance(0.15) { 0.0 } else { dice.uniform(1.0, 10.0) };
+    let driven = ego_speed * config.frame_time(config.num_frames);
+    config.street.num_lanes = dice.pick(&[1, 1, 2]);
+    config.traffic = TrafficSpec {
+        ego_speed,
+        num_cars: dice.between(1, 3),
+        num_people: dice.between(1, 6),
+        busy: Some(BusySpec {
+            side_street: dice.chance(0.8).then(|| driven + dice.uniform(9.0, 20.0)),
+            lorries: dice.between(0, 2),
+            queue: if dice.chance(0.6) { dice.between(3, 6) } else { 0 },
+            crossing: dice.between(1, 3),
+            turning: dice.between(1, 3),
+            cyclists: dice.between(0, 3),
+            people_across: dice.between(0, 3),
+        }),
+        ..config.traffic
+    };
+    config
 }
 
 fn light(dice: &mut Dice) -> LightSpec {
@@ -134,7 +168,14 @@ pub fn street_clip(seed: u64) -> SceneConfig {
             tree_spacing_m: 15.0,
             texture_scale: 1.5,
         },
-        traffic: TrafficSpec { ego_speed: 7.0, num_cars: 3, speeds: [6.0, 10.0], num_people: 2, parked: 0.6 },
+        traffic: TrafficSpec {
+            ego_speed: 7.0,
+            num_cars: 3,
+            speeds: [6.0, 10.0],
+            num_people: 2,
+            parked: 0.6,
+            busy: None,
+        },
         light: LightSpec {
             sun_azimuth_deg: -152.0,
             sun_elevation_deg: 46.0,
@@ -154,6 +195,7 @@ mod tests {
     fn presets_are_valid_and_seeds_differ() {
         for seed in 0..200 {
             varied(seed).validate().unwrap();
+            traffic(seed).validate().unwrap();
         }
         street_clip(3).validate().unwrap();
         assert_eq!(varied(5), varied(5));

@@ -78,7 +78,7 @@ impl CameraSpec {
     }
 }
 
-/// A spinning LiDAR. A sweep is rigid, all its rays leaving at the frame's timestamp, unless it takes its time to turn.
+/// A spinning LiDAR.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LidarSpec {
     /// Position in the vehicle's frame, metres.
@@ -91,14 +91,17 @@ pub struct LidarSpec {
     pub num_azimuths: usize,
     /// Azimuth of the first ray to the left of straight ahead and of the end of the sweep, degrees, -360..=360.
     pub azimuth_deg: [f64; 2],
-    /// Seconds that a turn takes, half of them before the frame's timestamp, 0..=1; a ray then leaves where the LiDAR is at its own moment.
-    pub turn_s: f64,
     /// Standard deviation of ranges, metres, 0..=0.5.
     pub range_noise_m: f64,
     /// Share of returns lost in the best conditions, 0..=0.95; grows with distance and at grazing angles.
     pub dropout: f64,
     /// Nearest and farthest range that gives a return, metres, 0.1..=500.
     pub range_m: [f64; 2],
+    /// Time that a sweep takes, seconds, 0..=0.5: the first ray leaves half of it before the frame's timestamp, the last half of it after.
+    /// At 0 all leave at once.
+    pub sweep_s: f64,
+    /// Whether points stand in the LiDAR's frame at the frame's timestamp whenever their rays leave, or in its frame when they leave.
+    pub compensated: bool,
 }
 
 impl LidarSpec {
@@ -110,10 +113,11 @@ impl LidarSpec {
             elevation_deg: [-22.0, 8.0],
             num_azimuths,
             azimuth_deg: [180.0, -180.0],
-            turn_s: 0.0,
             range_noise_m: 0.015,
             dropout: 0.02,
             range_m: [1.5, 90.0],
+            sweep_s: 0.0,
+            compensated: true,
         }
     }
 
@@ -180,11 +184,11 @@ impl LidarSpec {
         check(field("elevation_deg[1]"), self.elevation_deg[1], Range(self.elevation_deg[0], 60.0))?;
         check(field("azimuth_deg[0]"), self.azimuth_deg[0], Range(-360.0, 360.0))?;
         check(field("azimuth_deg[1]"), self.azimuth_deg[1], Range(-360.0, 360.0))?;
-        check(field("turn_s"), self.turn_s, Range(0.0, 1.0))?;
         check(field("range_noise_m"), self.range_noise_m, Range(0.0, 0.5))?;
         check(field("dropout"), self.dropout, Range(0.0, 0.95))?;
         check(field("range_m[0]"), self.range_m[0], Range(0.1, 500.0))?;
-        check(field("range_m[1]"), self.range_m[1], Range(self.range_m[0], 500.0))
+        check(field("range_m[1]"), self.range_m[1], Range(self.range_m[0], 500.0))?;
+        check(field("sweep_s"), self.sweep_s, Range(0.0, 0.5))
     }
 }
 

@@ -5,17 +5,20 @@ use lgs_formats::{camera::Camera, clip::TrackedBox, pose::Pose};
 use super::{
     camera::{Capture, ImagePlane, capture},
     config::SceneConfig,
-    lidar::{Scan, Scanner, Stance},
+    lidar::{Instant, Scan, Scanner},
     maths::rotation_z,
     world::World,
 };
 use crate::error::Result;
 
+/// Instants of which a sweep is made that takes time.
+const SWEEP_INSTANTS: usize = 100;
+
 /// A procedural street: the same configuration gives the same bytes on every machine and for any number of threads.
 #[derive(Debug)]
 pub struct Scene {
     config: SceneConfig,
-    world: World,
+    pub(super) world: World,
     clip_from_world: Pose,
 }
 
@@ -53,7 +56,7 @@ impl Scene {
 
     /// Pose of the LiDAR in the clip's world, `seconds` after a frame's timestamp.
     pub fn world_from_lidar_at(&self, frame: usize, seconds: f64) -> Pose {
-        self.clip_from_world * self.lidar_pose(frame, seconds)
+        self.clip_from_world * self.lidar_pose(self.config.frame_time(frame) + seconds)
     }
 
     /// A camera of the rig as it stands when it takes the image of a frame.
@@ -88,33 +91,48 @@ impl Scene {
 
     /// The sweep of a frame.
     pub fn scan(&self, frame: usize) -> Scan {
-        let spec = &self.config.rig.lidar;
-        let scanner = Scanner { spec, clip_from_world: self.clip_from_world, seed: self.config.seed, frame };
-        let stance = |time: f64| Stance {
-            time,
-            moment: self.world.at(self.config.frame_time(frame) + time),
-            world_from_lidar: self.lidar_pose(frame, time),
+        let instants = self.instants(frame);
+        let scanner = Scanner {
+            spec: &self.config.rig.lidar,
+            instants: &instants,
+            clip_from_world: self.clip_from_world,
+            seed: self.config.seed,
+            frame,
         };
-        if spec.turn_s == 0.0 {
-            return scanner.scan(&[stance(0.0)]);
-        }
-        let count = spec.num_azimuths as f64;
-        let stances = (0..spec.num_azimuths).map(|k| stance(spec.turn_s * ((k as f64 + 0.5) / count - 0.5)));
-        scanner.scan(&stances.collect::<Vec<_>>())
+        scanner.scan()
+    }
+
+    /// The moments at which the rays of a frame's sweep leave.
+    fn instants(&self, frame: usize) -> Vec<Instant<'_>> {
+        let spec = &self.config.rig.lidar;
+        let (timestamp, sweep_s) = (self.config.frame_time(frame), spec.sweep_s);
+        let number = if sweep_s > 0.0 { SWEEP_INSTANTS } else { 1 };
+        let lidar_from_world = self.lidar_pose(timestamp).inverse();
+        let instant = |k: usize| {
+            let time = sweep_s * ((k as f64 + 0.5) / number as f64 - 0.5);
+            let world_from_lidar = self.lidar_pose(timestamp + time);
+            let lidar_from_then = (number > 1 && spec.compensated).then(|| lidar_from_world * world_from_lidar);
+            Instant { time, moment: self.world.at(timestamp + time), world_from_lidar, lidar_from_then }
+        };
+        (0..number).map(instant).collect()
     }
 
     /// Boxes around the tracked things near the vehicle at the time of a frame's sweep, in the clip's world.
     pub fn boxes(&self, frame: usize) -> Vec<TrackedBox> {
-        let (time, road) = (self.config.frame_time(frame), &self.world.ground.road);
-        let here = self.lidar_pose(frame, 0.0).translation();
+        self.boxes_at(self.config.frame_time(frame))
+    }
+
+    /// Boxes around the tracked things near the vehicle `time` seconds after the first sweep, in the clip's world.
+    pub(super) fn boxes_at(&self, time: f64) -> Vec<TrackedBox> {
+        let road = &self.world.ground.road;
+        let here = self.lidar_pose(time).translation();
         let all = self.world.objects.iter().map(|object| object.tracked_box(road, time));
         all.filter(|b| b.world_from_box.translation().distance(here) < self.config.box_reach_m)
             .map(|b| TrackedBox { world_from_box: self.clip_from_world * b.world_from_box, ..b })
             .collect()
     }
 
-    fn lidar_pose(&self, frame: usize, seconds: f64) -> Pose {
-        let time = self.config.frame_time(frame) + seconds;
+    fn lidar_pose(&self, time: f64) -> Pose {
         self.world.ego.pose(&self.world.ground.road, time) * self.config.rig.lidar.mount()
     }
 

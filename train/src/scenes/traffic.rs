@@ -3,10 +3,12 @@
 use std::f64::consts::PI;
 
 use super::{
+    busy,
     config::SceneConfig,
+    course::Course,
     dice::Dice,
     layout::streams,
-    motion::{EgoMotion, Motion},
+    motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Object, Palette},
     road::Road,
     vehicles,
@@ -14,9 +16,6 @@ use super::{
 
 /// Room that drivers keep to the next vehicle of their lane (metres).
 const GAP: f64 = 3.5;
-
-/// Half of the length that the vehicle with the sensors takes up (metres).
-const EGO_HALF_LENGTH: f64 = 2.4;
 
 /// Fastest speed that accelerating cars reach, m/s.
 const TOP_SPEED: f64 = 20.0;
@@ -37,6 +36,9 @@ impl Traffic {
         drive(config, road, &ego, &mut dice, palette, &mut objects);
         walk(config, road, &mut dice, palette, &mut objects);
         park(config, road, crossings, palette, &mut objects);
+        if let Some(spec) = &config.traffic.busy {
+            busy::join(config, spec, road, &ego, palette, &mut objects);
+        }
         Self { ego, objects }
     }
 }
@@ -103,7 +105,7 @@ fn drive(
             };
             let motion = steady(motion, config.frame_time(config.num_frames));
             let same_lane = |d: f64| (d - motion.d).abs() < 0.7 * road.lane_width;
-            let others = objects.iter().map(|other| (&other.motion, other.model.size.x));
+            let others = objects.iter().filter_map(|other| Some((other.course.street()?, other.model.size.x)));
             let clear = others
                 .chain([(&ego.motion, 2.0 * EGO_HALF_LENGTH)])
                 .filter(|(other, _)| same_lane(other.d))
@@ -111,7 +113,7 @@ fn drive(
             clear.then_some(motion)
         });
         if let Some(motion) = free {
-            objects.push(Object { track: format!("{}-{k}", model.category), model, motion });
+            objects.push(Object { track: format!("{}-{k}", model.category), model, course: Course::Street(motion) });
         }
     }
 }
@@ -131,7 +133,7 @@ fn walk(config: &SceneConfig, road: &Road, dice: &mut Dice, palette: &mut Palett
             height: road.kerb_height,
         };
         let model = vehicles::person(dice, palette);
-        objects.push(Object { track: format!("{}-{k}", model.category), model, motion });
+        objects.push(Object { track: format!("{}-{k}", model.category), model, course: Course::Street(motion) });
     }
 }
 
@@ -153,7 +155,7 @@ fn park(config: &SceneConfig, road: &Road, crossings: &[f64], palette: &mut Pale
             let turned = if (side > 0.0) != dice.chance(0.1) { PI } else { 0.0 };
             let motion = Motion::still(s, d, turned + dice.uniform(-0.035, 0.035), 0.0);
             let which = if side > 0.0 { "left" } else { "right" };
-            objects.push(Object { track: format!("parked-{which}{slot}"), model, motion });
+            objects.push(Object { track: format!("parked-{which}{slot}"), model, course: Course::Street(motion) });
         }
     }
 }
@@ -183,13 +185,9 @@ mod tests {
             for (k, a) in traffic.objects.iter().enumerate() {
                 assert!(traffic.objects[..k].iter().all(|b| b.track != a.track), "seed {seed}: track {}", a.track);
                 for b in &traffic.objects[..k] {
-                    let clear = (a.motion.d - b.motion.d).abs() > 0.5 * (a.model.size.y + b.model.size.y) - 0.2
-                        || keep_apart(
-                            &config,
-                            &road,
-                            (&a.motion, a.model.size.x - GAP),
-                            (&b.motion, b.model.size.x - GAP),
-                        );
+                    let [am, bm] = [a, b].map(|object| *object.course.street().unwrap());
+                    let clear = (am.d - bm.d).abs() > 0.5 * (a.model.size.y + b.model.size.y) - 0.2
+                        || keep_apart(&config, &road, (&am, a.model.size.x - GAP), (&bm, b.model.size.x - GAP));
                     let people = a.model.category == "pedestrian" || b.model.category == "pedestrian";
                     assert!(clear || people, "seed {seed}: {} and {}", a.track, b.track);
                 }

@@ -13,7 +13,7 @@ use super::{
 };
 
 /// Paints of cars as they look on a screen.
-const PAINTS: [[f32; 3]; 10] = [
+pub(crate) const PAINTS: [[f32; 3]; 10] = [
     [0.88, 0.88, 0.87],
     [0.70, 0.71, 0.73],
     [0.45, 0.46, 0.48],
@@ -112,14 +112,18 @@ fn wheels(length: f64, width: f64, radius: f64, palette: &mut Palette) -> Vec<Pa
     let mut parts = Vec::new();
     for front in [-1.0, 1.0] {
         for left in [-1.0, 1.0] {
-            let at = DVec3::new(front * axle, left * (0.5 * width - 0.09), radius);
-            let shape = Shape::Cylinder { radius: narrow(radius), half_height: 0.105 };
-            // The cylinder's top looks outward.
-            let outward = rotation_x(-left * std::f64::consts::FRAC_PI_2);
-            parts.push(Part::new(shape, at, material).turned(outward));
+            parts.push(wheel(front * axle, left, width, radius, material));
         }
     }
     parts
+}
+
+/// A wheel at `x` along a vehicle of this width, on its left (1) or right (-1) side.
+pub(crate) fn wheel(x: f64, left: f64, width: f64, radius: f64, material: MaterialId) -> Part {
+    let at = DVec3::new(x, left * (0.5 * width - 0.09), radius);
+    let shape = Shape::Cylinder { radius: narrow(radius), half_height: 0.105 };
+    // The cylinder's top looks outward.
+    Part::new(shape, at, material).turned(rotation_x(-left * std::f64::consts::FRAC_PI_2))
 }
 
 /// A truck with a closed box.
@@ -188,7 +192,7 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::maths::narrow_mat;
+    use crate::scenes::{cyclist::cyclist, lorry::lorry, maths::narrow_mat};
 
     /// Whether every part's bounds lie in the model's box, with `slack` metres to spare.
     fn fits_its_box(model: &Model, slack: f64) -> bool {
@@ -206,8 +210,8 @@ mod tests {
     fn models_fit_their_boxes() {
         for seed in 0..40 {
             let (mut dice, mut palette) = (Dice::new(seed, 0), Palette::default());
-            for model in [car(&mut dice, &mut palette), truck(&mut dice, &mut palette), person(&mut dice, &mut palette)]
-            {
+            for make in [car, truck, person, lorry, cyclist] {
+                let model = make(&mut dice, &mut palette);
                 assert!(fits_its_box(&model, 0.02), "seed {seed}: {} of {}", model.category, model.size);
             }
         }

@@ -92,7 +92,7 @@ impl World {
     /// The world at `time` seconds after the first sweep.
     pub(crate) fn at(&self, time: f64) -> Moment<'_> {
         let movements: Vec<Movement> =
-            self.objects.iter().map(|object| object.motion.at(&self.ground.road, time)).collect();
+            self.objects.iter().map(|object| object.course.at(&self.ground.road, time)).collect();
         let mut primitives = Vec::new();
         for (k, (object, movement)) in (0_u32..).zip(self.objects.iter().zip(&movements)) {
             if object.is_mobile() {

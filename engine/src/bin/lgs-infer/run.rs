@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
     densify::{DensityMap, Thresholds},
-    evaluate::lpips::Lpips,
+    evaluate::{ViewFigures, copying, lpips::Lpips},
     export::{stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
     network::{
@@ -19,7 +19,9 @@ use lgs_engine::{
     },
     plan::Recipe,
     refine::Turns,
-    report::{Config, METRICS_FORMAT, Metrics, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words},
+    report::{
+        Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words,
+    },
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
@@ -102,6 +104,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         threads,
         seed: args.seed,
         gaussians: reconstruction.counts,
+        moving: MovingShares::of(&reconstruction.scene),
         network: reconstruction.network,
         optimisation: reconstruction.optimisation,
         depth_maps: reconstruction.depth_maps,
@@ -196,7 +199,8 @@ impl<'a> Job<'a> {
         let width = report_width(views.len());
         let keep = |drawn: RenderedView<'_>| -> Result<(ViewRecord, ViewPictures)> {
             let RenderedView { view, figures: measured, .. } = drawn;
-            let measured = measured.cloned().unwrap_or_default();
+            let with_copy = |of: &ViewFigures| ViewFigures { psnr_copying: copying(view, inputs.views()), ..*of };
+            let measured = measured.map(with_copy).unwrap_or_default();
             let View { frame, camera, role, .. } = view;
             let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
             Ok((record, pictures_of(drawn, figures, width)?))

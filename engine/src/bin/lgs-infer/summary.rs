@@ -4,14 +4,11 @@ use std::{fmt::Write, path::Path};
 
 use lgs_engine::{
     pipeline::Stage,
-    report::{BudgetRecord, FIGURES, Metrics, role_name},
+    report::{BudgetRecord, FIGURES, Metrics, NUM_FULL_IMAGE, percent, role_name},
     views::Role,
 };
 
 use crate::film::Film;
-
-/// The first figures are those of the full image, the others those of its moving and its static pixels.
-const NUM_FULL_IMAGE: usize = 4;
 
 /// A page of text: mean figures, counts, times and where the files are.
 pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path, film: Option<&Film>) -> String {
@@ -40,6 +37,8 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path, film: Option<
             counts.initial, counts.pruned, counts.added, counts.last, counts.background
         ),
     );
+    let [lidar, background] = [metrics.moving.lidar, metrics.moving.background].map(percent);
+    line(&mut text, "of them moving", &format!("{lidar} of those from LiDAR, {background} of the background"));
     if let Some(BudgetRecord { budget_s, chosen, finished_s, .. }) = &metrics.budget {
         let verdict = if chosen.fits { "" } else { "; nothing that is recorded fits, so the quickest ran" };
         line(&mut text, "time budget", &format!("{budget_s} s, scene finished after {finished_s:.2} s{verdict}"));

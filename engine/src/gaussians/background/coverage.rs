@@ -164,9 +164,14 @@ impl Shape {
     pub(super) fn moving(set: &GaussianSet) -> Vec<Self> {
         let mut shapes = Self::of(&set.attributes);
         for (shape, (&time, &velocity)) in shapes.iter_mut().zip(set.times.iter().zip(&set.velocities)) {
-            (shape.time, shape.velocity) = (time, velocity);
+            shape.move_as(time, velocity);
         }
         shapes
+    }
+
+    /// Nothing: it stands where it is at a moment (seconds) and moves (metres a second).
+    pub(super) const fn move_as(&mut self, time: f32, velocity: [f32; 3]) {
+        (self.time, self.velocity) = (time, velocity);
     }
 
     /// Its mean at a moment, metres.

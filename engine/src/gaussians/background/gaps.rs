@@ -7,7 +7,7 @@
 //! Gortler et al., The lumigraph, 1996 (pull-push); inverse depth because planes are linear in it.
 
 use super::{Sheet, depth::Trust, slant};
-use crate::views::View;
+use crate::views::{DepthSample, View};
 
 /// Weight at which a block's own returns count fully, returns.
 const ENOUGH: f32 = 1.0;
@@ -27,31 +27,37 @@ pub(super) fn sheets(views: &[&View], radius: f32) -> Vec<Sheet> {
 }
 
 fn sheet(view: &View, radius: f32) -> Sheet {
-    let mut levels = vec![Grid::of_returns(view)];
-    while let Some(finest) = levels.last().filter(|grid| grid.width.max(grid.height) > 1) {
-        let coarser = finest.halved();
-        levels.push(coarser);
-    }
-    let mut filled = levels.pop().map_or_else(Vec::new, |top| top.own(1.0 / radius));
-    let mut size = [1, 1];
-    while let Some(grid) = levels.pop() {
-        filled = grid.filled(&filled, size);
-        size = [grid.width, grid.height];
-    }
+    let filled = continued([view.pinhole.width, view.pinhole.height], &view.depth_samples, 1.0 / radius);
     let near_enough = |(pixel, w): (usize, f32)| w.max(slant(&view.pinhole, pixel) / radius);
     let inverse_depths: Vec<f32> = filled.into_iter().enumerate().map(near_enough).collect();
     Sheet { trust: vec![Trust::Alone; inverse_depths.len()], inverse_depths }
 }
 
+/// The inverse depths of the pixels of an image of a width and height as some samples continue; `fallback` where there is none. `[H, W]`
+pub(super) fn continued(size: [usize; 2], samples: &[DepthSample], fallback: f32) -> Vec<f32> {
+    let mut levels = vec![Grid::of_returns(size, samples)];
+    while let Some(finest) = levels.last().filter(|grid| grid.width.max(grid.height) > 1) {
+        let coarser = finest.halved();
+        levels.push(coarser);
+    }
+    let mut filled = levels.pop().map_or_else(Vec::new, |top| top.own(fallback));
+    let mut coarser = [1, 1];
+    while let Some(grid) = levels.pop() {
+        filled = grid.filled(&filled, coarser);
+        coarser = [grid.width, grid.height];
+    }
+    filled
+}
+
 impl Grid {
-    fn of_returns(view: &View) -> Self {
-        let mut cells = vec![(0.0, 0.0); view.pinhole.num_pixels()];
-        for sample in &view.depth_samples {
+    fn of_returns([width, height]: [usize; 2], samples: &[DepthSample]) -> Self {
+        let mut cells = vec![(0.0, 0.0); width * height];
+        for sample in samples {
             if let Some(cell) = cells.get_mut(sample.pixel as usize) {
                 *cell = (1.0 / sample.depth, 1.0);
             }
         }
-        Self { width: view.pinhole.width, height: view.pinhole.height, cells }
+        Self { width, height, cells }
     }
 
     /// Sums over blocks of 2 x 2, the weight capped so that a block with many returns does not drown its neighbours.

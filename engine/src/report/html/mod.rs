@@ -8,7 +8,7 @@ mod text;
 mod views;
 
 use super::{
-    metrics::{FIGURES, Metrics},
+    metrics::{FIGURES, Metrics, NUM_FULL_IMAGE},
     pictures::PictureKind,
 };
 use crate::views::Role;
@@ -59,7 +59,7 @@ pub fn html(page: &Page<'_>) -> String {
     } else {
         body += &folded("Input views", INPUT_NOTE, &input);
     }
-    body += &section("Figures", "", &figure_table(metrics));
+    body += &section("Figures", figures_note(metrics), &figure_table(metrics));
     body += &section("Time", "", &stage_bars(metrics));
     body += &section("Scene and settings", "", &settings(page));
     document(&title, STYLE, &body, "")
@@ -92,9 +92,9 @@ fn cards(metrics: &Metrics) -> String {
     let held_out = metrics.views.iter().any(|view| view.role == Role::HeldOut);
     let (figures, whose) =
         if held_out { (&metrics.mean.held_out, "held-out mean") } else { (&metrics.mean.input, "input mean") };
-    let defined = FIGURES.iter().take(4).filter(|kind| (kind.get)(figures).is_some());
+    let defined = FIGURES.iter().take(NUM_FULL_IMAGE).filter(|kind| (kind.get)(figures).is_some());
     let mut cards: Vec<[String; 3]> =
-        defined.map(|kind| [format!("{} {}", kind.label, kind.better), kind.text(figures), whose.to_owned()]).collect();
+        defined.map(|kind| [kind.heading(), kind.text(figures), whose.to_owned()]).collect();
     let (total, memory) = (metrics.gaussians.last + metrics.gaussians.background, metrics.peak_rss_mb);
     cards.push(["Reconstruction".into(), format!("{:.2} s", metrics.reconstruction_s), "after loading".into()]);
     cards.push([
@@ -107,6 +107,12 @@ fn cards(metrics: &Metrics) -> String {
         format!("<div><span>{label}</span><strong>{value}</strong><small>{note}</small></div>\n")
     };
     format!("<div class=\"cards\">\n{}</div>\n", cards.iter().map(cell).collect::<String>())
+}
+
+/// What the figures alone do not say.
+fn figures_note(metrics: &Metrics) -> &'static str {
+    let copies = metrics.views.iter().any(|view| view.figures.psnr_copying.is_some());
+    if copies { "Copying: PSNR of the nearest input image of the same camera in place of what was drawn." } else { "" }
 }
 
 fn section(title: &str, note: &str, content: &str) -> String {

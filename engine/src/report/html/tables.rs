@@ -13,6 +13,7 @@ use crate::{
     report::{
         maps::maps_in_words,
         metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
+        moving::{MOVING_SPEED, percent},
     },
     views::Role,
 };
@@ -21,7 +22,7 @@ use crate::{
 pub(super) fn figure_table(metrics: &Metrics) -> String {
     let measured = |kind: &&FigureKind| metrics.views.iter().any(|view| (kind.get)(&view.figures).is_some());
     let columns: Vec<&FigureKind> = FIGURES.iter().filter(measured).collect();
-    let heads: String = columns.iter().map(|kind| format!("<th>{} {}</th>", kind.label, kind.better)).collect();
+    let heads: String = columns.iter().map(|kind| format!("<th>{}</th>", kind.heading())).collect();
     let row = |class: &str, name: &str, figures: &ViewFigures| {
         let cells: String = columns.iter().map(|kind| format!("<td>{}</td>", kind.text(figures))).collect();
         format!("<tr{class}><th>{name}</th>{cells}</tr>\n")
@@ -83,9 +84,16 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("pruned, added", format!("{}, {}", thousands(gaussians.pruned), thousands(gaussians.added))),
         ("Gaussians in the end", thousands(gaussians.last)),
         ("background Gaussians", thousands(gaussians.background)),
+        ("moving Gaussians", moving(page.metrics)),
     ];
     let rows: String = rows.iter().map(|(name, value)| format!("<dt>{name}</dt><dd>{value}</dd>\n")).collect();
     format!("<dl class=\"settings\">\n{rows}</dl>\n<pre>{}</pre>\n", escape(page.command))
+}
+
+/// Which shares of both branches move.
+fn moving(metrics: &Metrics) -> String {
+    let [lidar, background] = [metrics.moving.lidar, metrics.moving.background].map(percent);
+    format!("{lidar} of those from LiDAR, {background} of the background: faster than {MOVING_SPEED} m/s")
 }
 
 /// How well the clip's depth maps fit its sweeps.

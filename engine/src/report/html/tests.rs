@@ -5,7 +5,7 @@ use crate::{
     evaluate::ViewFigures,
     gaussians::{Coarseness, background::Mode, motion::Motion},
     pipeline::{GaussianCounts, StageTimes},
-    report::{Config, METRICS_FORMAT, RoleMeans, ViewRecord},
+    report::{Config, METRICS_FORMAT, MovingShares, RoleMeans, ViewRecord},
 };
 
 fn view(frame: usize, role: Role, psnr: Option<f64>) -> ViewRecord {
@@ -44,6 +44,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         seed: 0,
         budget: None,
         gaussians: GaussianCounts { initial: 1200, last: 1200, background: 34, ..GaussianCounts::default() },
+        moving: MovingShares { lidar: Some(0.0375), background: None },
         network: None,
         optimisation: None,
         depth_maps: Vec::new(),
@@ -95,4 +96,25 @@ fn what_was_not_measured_takes_no_place() {
     let unmeasured = page(&metrics(vec![view(1, Role::HeldOut, None)]));
     assert!(!unmeasured.contains("<table>") && unmeasured.contains("<img "));
     assert!(!page(&metrics(Vec::new())).contains("class=\"legend\""));
+}
+
+#[test]
+fn copying_stands_beside_psnr_where_it_is_known() {
+    let known = page(&metrics(vec![copied(view(1, Role::HeldOut, Some(17.0)), 12.5)]));
+    assert!(known.contains("<th>PSNR (dB) ↑</th><th>copying (dB)</th>"));
+    assert!(
+        known.contains("<td>17.00</td><td>12.50</td>") && known.contains("Copying: PSNR of the nearest input image")
+    );
+    let unknown = page(&metrics(vec![view(1, Role::HeldOut, Some(17.0))]));
+    assert!(!unknown.to_lowercase().contains("copying"));
+}
+
+#[test]
+fn the_share_that_moves_is_told() {
+    let page = page(&metrics(vec![view(1, Role::HeldOut, Some(17.0))]));
+    assert!(page.contains("3.75 % of those from LiDAR, – of the background: faster than 0.5 m/s"));
+}
+
+fn copied(view: ViewRecord, psnr_copying: f64) -> ViewRecord {
+    ViewRecord { figures: ViewFigures { psnr_copying: Some(psnr_copying), ..view.figures }, ..view }
 }

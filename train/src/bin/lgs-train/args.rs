@@ -81,9 +81,10 @@ pub(crate) struct ScenesArgs {
     /// Set that the scenes belong to; no two sets share a scene
     #[arg(long, value_enum, default_value_t = SplitArg::Train)]
     pub(crate) split: SplitArg,
-    /// What scenes are like: varied draws every aspect from the seed, street is the small clip that ships
-    #[arg(long, value_enum, default_value_t = Preset::Varied)]
-    pub(crate) preset: Preset,
+    /// What scenes are like: varied draws every aspect from the seed, traffic adds what real streets have, street is the small clip that
+    /// ships [default: varied; traffic for the splits traffic and traffic-test]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<Preset>,
     /// Name of the clip and of its directory [default: split and scene number, as train-000007]; needs --count 1
     #[arg(long, value_name = "NAME", value_parser = parse_name)]
     pub(crate) name: Option<String>,
@@ -96,7 +97,7 @@ pub(crate) struct ScenesArgs {
     pub(crate) interval: Option<f64>,
     #[arg(long, value_name = "N", value_parser = parse_cameras, help = CAMERAS_HELP)]
     pub(crate) cameras: Option<usize>,
-    /// Size of all images, pixels [default: the preset's: 256x512 for varied, 192x320 for street]
+    /// Size of all images, pixels [default: the preset's: 256x512, 192x320 for street]
     #[arg(long, value_name = "HxW")]
     pub(crate) image_size: Option<ImageSize>,
     /// LiDAR beams, 1..=256 [default: the preset's]
@@ -105,10 +106,14 @@ pub(crate) struct ScenesArgs {
     /// LiDAR rays of a beam and sweep, 1..=8192 [default: the preset's]
     #[arg(long, value_name = "N")]
     pub(crate) azimuths: Option<usize>,
-    /// Seconds that a turn of the LiDAR takes, 0..=1: above 0 the returns have times and are not compensated for the motion [default: 0]
+    /// Time over which the rays of a sweep leave while all goes on moving, seconds, 0..=0.5; above 0 the returns have times
+    /// [default: the preset's: 0]
     #[arg(long, value_name = "S")]
-    pub(crate) turn: Option<f64>,
-    /// How images are stored: png, or jpeg:Q of quality Q in 1..=100 [default: png for varied, jpeg:80 for street]
+    pub(crate) sweep: Option<f64>,
+    /// Leaves the returns of such a sweep where the LiDAR measured them, not compensated for its own motion
+    #[arg(long)]
+    pub(crate) uncompensated: bool,
+    /// How images are stored: png, or jpeg:Q of quality Q in 1..=100 [default: png, jpeg:80 for street]
     #[arg(long, value_name = "png|jpeg:Q", value_parser = parse_images)]
     pub(crate) images: Option<ImageFormat>,
     /// Writes a mask of moving pixels beside every image
@@ -134,6 +139,10 @@ pub(crate) enum SplitArg {
     Validation,
     /// Scenes to measure on
     Test,
+    /// Streets with real traffic to learn from
+    Traffic,
+    /// Streets with real traffic to measure on
+    TrafficTest,
 }
 
 impl From<SplitArg> for Split {
@@ -142,6 +151,8 @@ impl From<SplitArg> for Split {
             SplitArg::Train => Self::Train,
             SplitArg::Validation => Self::Validation,
             SplitArg::Test => Self::Test,
+            SplitArg::Traffic => Self::Traffic,
+            SplitArg::TrafficTest => Self::TrafficTest,
         }
     }
 }
@@ -169,6 +180,8 @@ impl From<DepthArg> for DepthMaps {
 pub(crate) enum Preset {
     /// Every aspect drawn from the seed
     Varied,
+    /// As varied, with lorries, queues, crossing and turning cars, cyclists, people who cross, cameras off the sweep's time
+    Traffic,
     /// The small clip that ships
     Street,
 }
@@ -199,8 +212,13 @@ impl ScenesArgs {
     fn scene(&self, number: u64) -> PlannedScene {
         let split = Split::from(self.split);
         let name = self.name.clone().unwrap_or_else(|| format!("{}-{number:06}", split.name()));
-        let (config, default_images) = match self.preset {
+        let preset = self.preset.unwrap_or(match split {
+            Split::Traffic | Split::TrafficTest => Preset::Traffic,
+            _ => Preset::Varied,
+        });
+        let (config, default_images) = match preset {
             Preset::Varied => (presets::varied(split.seed(number)), ImageFormat::Png),
+            Preset::Traffic => (presets::traffic(split.seed(number)), ImageFormat::Png),
             Preset::Street => (presets::street_clip(split.seed(number)), ImageFormat::Jpeg(80)),
         };
         let images = self.images.unwrap_or(default_images);
@@ -225,9 +243,10 @@ impl ScenesArgs {
             }
         }
         let lidar = &mut config.rig.lidar;
+        lidar.sweep_s = self.sweep.unwrap_or(lidar.sweep_s);
+        lidar.compensated &= !self.uncompensated;
         lidar.num_beams = self.beams.unwrap_or(lidar.num_beams);
         lidar.num_azimuths = self.azimuths.unwrap_or(lidar.num_azimuths);
-        lidar.turn_s = self.turn.unwrap_or(lidar.turn_s);
         config
     }
 }
@@ -315,9 +334,19 @@ mod tests {
         let seed = |split: &str| {
             parse(&format!("lgs-train scenes --out o --seed 3 --split {split}")).plan().unwrap()[0].config.seed
         };
-        assert!(
-            seed("train") != seed("test") && seed("test") != seed("validation") && seed("train") != seed("validation")
-        );
+        let seeds: std::collections::BTreeSet<u64> =
+            ["train", "validation", "test", "traffic", "traffic-test"].map(seed).into_iter().collect();
+        assert_eq!(seeds.len(), 5);
+    }
+
+    #[test]
+    fn splits_of_traffic_have_it_and_others_do_not() {
+        let scene = |flags: &str| parse(&format!("lgs-train scenes --out o {flags}")).plan().unwrap().remove(0);
+        let busy = |flags: &str| scene(flags).config.traffic.busy.is_some();
+        assert!(busy("--split traffic") && busy("--split traffic-test --seed 4") && busy("--preset traffic"));
+        assert!(!busy("--split test") && !busy("--split traffic --preset varied"));
+        assert_eq!(scene("--split traffic-test").dir, PathBuf::from("o/traffic-test-000000"));
+        assert_eq!(scene("--split traffic --sweep 0.1").config.rig.lidar.sweep_s, 0.1);
     }
 
     #[test]

@@ -1,0 +1,83 @@
+//! Whether a pixel is nearer to the returns of a moving thing or to those of all else.
+
+use super::{Thing, outline::Outline, samples};
+use crate::views::{DepthSample, View};
+
+/// What the nearest returns count, beside colours.
+const RETURNS: f32 = 0.05;
+/// Share of the height of a thing over which its returns lose their say.
+const FADES: f32 = 0.25;
+
+/// How far pixels are from the returns of the thing, and from those of all else.
+pub(super) struct Nearest {
+    own: Vec<f32>,
+    other: Vec<f32>,
+}
+
+impl Nearest {
+    pub(super) fn of(view: &View, own: &[DepthSample], all: &[Thing], thing: &Thing, outline: &Outline) -> Self {
+        let width = view.pinhole.width;
+        let mut theirs: Vec<bool> = vec![false; view.pinhole.num_pixels()];
+        // Returns of all things are where they are at the moment of the image; what is left stands.
+        let mut moves = theirs.clone();
+        for other in all.iter().filter(|other| other.flow.frame == thing.flow.frame) {
+            for &(place, _) in &other.returns {
+                if let Some(at) = view.pinhole.project(place) {
+                    moves[at.pixel(width)] = true;
+                }
+            }
+            if !std::ptr::eq(other, thing) {
+                samples(view, other).iter().for_each(|sample| theirs[sample.pixel as usize] = true);
+            }
+        }
+        view.depth_samples
+            .iter()
+            .filter(|sample| !moves[sample.pixel as usize])
+            .for_each(|sample| theirs[sample.pixel as usize] = true);
+        let mut mine = vec![false; theirs.len()];
+        own.iter().for_each(|sample| mine[sample.pixel as usize] = true);
+        let distances = |seeds: &[bool]| distances(outline, width, seeds);
+        Self { own: distances(&mine), other: distances(&theirs) }
+    }
+
+    /// What the nearest returns say, in units of a difference of colours.
+    pub(super) fn prior(&self, outline: &Outline, pixel: usize, width: usize) -> f32 {
+        let index = outline.index(pixel / width, pixel % width);
+        let (own, other) = (self.own[index], self.other[index]);
+        let share = if other.is_finite() { (other - own) / (other + own).max(1e-3) } else { 1.0 };
+        RETURNS * (share - own / (FADES * outline.height).max(1.0))
+    }
+}
+
+/// The distance of each pixel of an outline from the nearest seed in it, pixels: a chamfer distance in two passes.
+fn distances(outline: &Outline, width: usize, seeds: &[bool]) -> Vec<f32> {
+    let mut found: Vec<f32> =
+        outline.pixels(width).map(|pixel| if seeds[pixel] { 0.0 } else { f32::INFINITY }).collect();
+    let (columns, rows) = (outline.columns.len(), outline.rows.len());
+    let diagonal = std::f32::consts::SQRT_2;
+    for forward in [true, false] {
+        for step in 0..rows * columns {
+            let at = if forward { step } else { rows * columns - 1 - step };
+            let (row, column) = (at / columns, at % columns);
+            let mut best = found[at];
+            let mut take = |known: bool, index: usize, far: f32| {
+                if known {
+                    best = best.min(found[index] + far);
+                }
+            };
+            if forward {
+                take(column > 0, at.wrapping_sub(1), 1.0);
+                take(row > 0, at.wrapping_sub(columns), 1.0);
+                take(row > 0 && column > 0, at.wrapping_sub(columns + 1), diagonal);
+                take(row > 0 && column + 1 < columns, at.wrapping_sub(columns - 1), diagonal);
+            } else {
+                take(column + 1 < columns, at + 1, 1.0);
+                take(row + 1 < rows, at + columns, 1.0);
+                take(row + 1 < rows && column + 1 < columns, at + columns + 1, diagonal);
+                take(row + 1 < rows && column > 0, at + columns - 1, diagonal);
+            }
+            found[at] = best;
+        }
+    }
+    found
+}

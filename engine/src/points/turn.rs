@@ -1,0 +1,284 @@
+//! Sweeps of a turning `LiDAR` whose clip does not say when each return was measured: the sweeps themselves tell.
+//!
+//! If the returns were left where they were measured while the vehicle drove, surfaces of two sweeps meet better once each return is brought
+//! to one moment by the vehicle's motion, with the right sense of rotation; and worse if that was done before.
+
+use glam::DVec3;
+use lgs_formats::{clip::Clip, lidar_motion::LidarMotion, pose::Pose};
+use rayon::prelude::*;
+
+use super::PointCloud;
+use crate::{
+    error::Result,
+    ops::knn::nearest_other_time_of,
+    views::{ClipFrame, to_f32},
+};
+
+/// Shortest and longest turn, seconds: 30 and 7 a second.
+const TURN: [f64; 2] = [0.03, 0.15];
+/// Least motion during a turn that shows, metres and radians.
+const MOVES: (f64, f64) = (0.25, 0.01);
+/// Sectors around the sensor, and in how many of them a turning one has returns.
+const SECTORS: (usize, usize) = (12, 11);
+/// Distances from the sensor at which surfaces are compared, metres.
+const RANGE: [f32; 2] = [4.0, 40.0];
+/// Returns of a sweep that are compared with another one.
+const MOST: usize = 4000;
+/// Largest distance of two returns of one surface, metres.
+const APART: f64 = 0.5;
+/// Difference between the two senses that shows, a share of the mean distance as it is.
+const SHOWS: f64 = 0.025;
+/// Where between no motion (0) and a sense (1) the least mean distance must be.
+const LEAST: f64 = 0.6;
+
+/// How a sweep's returns are brought to one moment.
+struct Sweep {
+    motion: LidarMotion,
+    clip_from_lidar: Pose,
+    returns: std::ops::Range<usize>,
+}
+
+/// Whether the returns were told apart in time: what is returned is the sense of rotation that was found, 1 from above against the clock, -1
+/// with it, 0 where all returns stay as they are. Positions, times and origins of the cloud are those of a clip that says so.
+///
+/// # Formula
+/// A return at azimuth `a` (radians from ahead) was measured `sense a T / (2 pi)` seconds after its sweep's timestamp, `T` the time of a turn: the
+/// least time between two sweeps of the clip. The mean distance between sweeps is taken for sense -1, 0 and 1; a sense is believed if the parabola
+/// through the three has its minimum beyond 0.6 of the way to it, and the two senses differ by 2.5 %.
+///
+/// # Errors
+/// When a coordinate is not finite.
+pub fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<i32> {
+    let Some((turn, sweeps)) = turning(cloud, clip, frame) else { return Ok(0) };
+    let [with, against] = [-1, 1].map(|sense| told(cloud, &sweeps, turn, sense));
+    let still = disagreement(cloud, &sweeps)?;
+    let [minus, plus] = [disagreement(&with, &sweeps)? - still, disagreement(&against, &sweeps)? - still];
+    let least = (minus - plus) / (2.0 * (minus + plus));
+    let told =
+        (minus - plus).abs() >= SHOWS * still && minus + plus > 0.0 && least.abs() >= LEAST && minus.min(plus) < 0.0;
+    match (told, minus < plus) {
+        (false, _) => Ok(0),
+        (true, true) => {
+            *cloud = with;
+            Ok(-1)
+        }
+        (true, false) => {
+            *cloud = against;
+            Ok(1)
+        }
+    }
+}
+
+/// The time of a turn and the sweeps of a cloud; `None` where the clip says more, or nothing can be told.
+fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, Vec<Sweep>)> {
+    let mut times: Vec<f64> = clip.frames.iter().map(|record| record.lidar.timestamp).collect();
+    times.sort_by(f64::total_cmp);
+    let turn = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0).reduce(f64::min)?;
+    if !(TURN[0]..=TURN[1]).contains(&turn) {
+        return None;
+    }
+    let mut sweeps = Vec::new();
+    let mut start = 0;
+    for run in cloud.frames.chunk_by(|a, b| a == b) {
+        let record = &clip.frames.get(run[0] as usize)?.lidar;
+        if record.returns.times.is_some() || record.returns.sensors.is_some() {
+            return None;
+        }
+        sweeps.push(Sweep {
+            motion: LidarMotion::of(clip, run[0] as usize),
+            clip_from_lidar: frame.clip_from_world * record.world_from_lidar,
+            returns: start..start + run.len(),
+        });
+        start += run.len();
+    }
+    let moves = |sweep: &Sweep| {
+        let pose = sweep.motion.lidar_from_lidar_at(turn);
+        let angle = (0.5
+            * (pose.rotation().to_cols_array_2d().iter().enumerate().map(|(k, c)| c[k]).sum::<f64>() - 1.0))
+            .clamp(-1.0, 1.0)
+            .acos();
+        pose.translation().length() >= MOVES.0 || angle >= MOVES.1
+    };
+    let around = |sweep: &Sweep| {
+        let mut seen = [false; SECTORS.0];
+        for azimuth in sweep.returns.clone().filter_map(|i| sweep.azimuth(cloud.positions[i])) {
+            let sector = (azimuth / std::f64::consts::TAU + 0.5) * SECTORS.0 as f64;
+            (0..SECTORS.0).filter(|&k| (k as f64..k as f64 + 1.0).contains(&sector)).for_each(|k| seen[k] = true);
+        }
+        seen.iter().filter(|&&seen| seen).count() >= SECTORS.1
+    };
+    (sweeps.len() >= 2 && sweeps.iter().any(moves) && sweeps.iter().all(around)).then_some((turn, sweeps))
+}
+
+impl Sweep {
+    /// Radians from ahead, to the left.
+    fn azimuth(&self, place: [f32; 3]) -> Option<f64> {
+        let at = self.clip_from_lidar.inverse().transform_point(DVec3::from(place.map(f64::from)));
+        (at.x != 0.0 || at.y != 0.0).then(|| at.y.atan2(at.x))
+    }
+}
+
+/// The cloud if its sweeps were measured during a turn of that sense.
+fn told(cloud: &PointCloud, sweeps: &[Sweep], turn: f64, sense: i32) -> PointCloud {
+    let mut made = cloud.clone();
+    for sweep in sweeps {
+        let lidar_from_clip = sweep.clip_from_lidar.inverse();
+        for i in sweep.returns.clone() {
+            let seconds =
+                f64::from(sense) * sweep.azimuth(cloud.positions[i]).unwrap_or(0.0) * turn / std::f64::consts::TAU;
+            let clip_from_then = sweep.clip_from_lidar * sweep.motion.lidar_from_lidar_at(seconds) * lidar_from_clip;
+            let moved = |place: [f32; 3]| {
+                clip_from_then.transform_point(DVec3::from(place.map(f64::from))).to_array().map(to_f32)
+            };
+            (made.positions[i], made.origins[i]) = (moved(cloud.positions[i]), moved(cloud.origins[i]));
+            made.times[i] = to_f32(f64::from(cloud.times[i]) + seconds);
+        }
+    }
+    made
+}
+
+/// The mean distance of some returns from the nearest of the next sweep, metres, of the first and the last two sweeps.
+fn disagreement(cloud: &PointCloud, sweeps: &[Sweep]) -> Result<f64> {
+    let last = sweeps.len() - 2;
+    let pairs: Vec<usize> = if last == 0 { vec![0] } else { vec![0, last] };
+    let of = |&pair: &usize| {
+        let returns = sweeps[pair].returns.start..sweeps[pair + 1].returns.end;
+        let points = &cloud.positions[returns.clone()];
+        let frames = &cloud.frames[returns.clone()];
+        let own: Vec<u32> = (0..).take(sweeps[pair].returns.len()).collect();
+        let ranges =
+            cloud.ranges(&own.iter().map(|i| i + u32::try_from(returns.start).unwrap_or(0)).collect::<Vec<u32>>());
+        let near: Vec<u32> = own.into_iter().filter(|&i| (RANGE[0]..RANGE[1]).contains(&ranges[i as usize])).collect();
+        // The ground looks the same wherever along it one is.
+        let mut heights: Vec<f32> = near.iter().map(|&i| points[i as usize][2]).collect();
+        heights.sort_by(f32::total_cmp);
+        let middle = heights.get(heights.len() / 2).copied().unwrap_or_default();
+        let near: Vec<u32> = near.into_iter().filter(|&i| points[i as usize][2] > middle).collect();
+        let queries: Vec<u32> = near.iter().copied().step_by(near.len().div_ceil(MOST).max(1)).collect();
+        let neighbours = nearest_other_time_of(points, frames, &queries, 1)?;
+        let distance = |(m, &query): (usize, &u32)| {
+            let found = neighbours.of(m).first().map(|&j| {
+                (0..3).map(|k| f64::from(points[query as usize][k] - points[j as usize][k]).powi(2)).sum::<f64>().sqrt()
+            });
+            found.unwrap_or(APART).min(APART)
+        };
+        Ok(queries.iter().enumerate().map(distance).sum::<f64>() / queries.len().max(1) as f64)
+    };
+    let found: Vec<f64> = pairs.par_iter().map(of).collect::<Result<_>>()?;
+    Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use glam::{DMat3, DVec3};
+    use lgs_formats::{
+        clip::{Clip, Frame, LidarRecord},
+        pose::Pose,
+    };
+
+    use super::tell_apart;
+    use crate::{
+        points::PointCloud,
+        views::{ClipFrame, to_f32},
+    };
+
+    const SPEED: f64 = 12.0;
+    const TURN: f64 = 0.1;
+
+    /// Distance at which a ray from a place meets the facades and pillars on either side of a street, and where.
+    fn hit(from: DVec3, direction: DVec3) -> Option<DVec3> {
+        let pillars = (-12..24).flat_map(|k| {
+            let x = 3.0 * f64::from(k) + f64::from(k * k % 5) * 0.3;
+            [([x, 5.0], [x + 0.6, 7.0]), ([x + 1.1, -9.0], [x + 1.9, -6.0])]
+        });
+        let boxes = pillars.chain([([-60.0, 9.0], [90.0, 10.0]), ([-60.0, -12.0], [90.0, -11.0])]);
+        let of = |(low, high): ([f64; 2], [f64; 2])| {
+            let (mut near, mut far) = (0.0_f64, f64::INFINITY);
+            for k in 0..2 {
+                let ends = [low[k], high[k]].map(|end| (end - from[k]) / direction[k]);
+                near = near.max(ends[0].min(ends[1]));
+                far = far.min(ends[0].max(ends[1]));
+            }
+            (near > 0.0 && near <= far).then_some(near)
+        };
+        boxes.filter_map(of).reduce(f64::min).filter(|&range| range < 60.0).map(|range| from + direction * range)
+    }
+
+    /// Two sweeps of a drive along the street, whose returns were measured during a turn of a sense, or all at once (0).
+    fn street(sense: i32) -> (Clip, PointCloud) {
+        let mut cloud = PointCloud::default();
+        let mut frames = Vec::new();
+        for frame in 0..3_u32 {
+            let timestamp = TURN * f64::from(frame);
+            let pose = Pose::new(DMat3::IDENTITY, DVec3::new(SPEED * timestamp, 0.0, 0.0));
+            let lidar = LidarRecord::new(PathBuf::from("sweep.bin"), timestamp, pose);
+            frames.push(Frame { lidar, cameras: Vec::new(), boxes: None });
+            if frame == 1 {
+                continue;
+            }
+            for step in 0..1800 {
+                // Sweeps do not meet the same places twice.
+                let azimuth = (f64::from(step) + 0.37 * f64::from(frame)) * 0.2_f64.to_radians() - std::f64::consts::PI;
+                let later = f64::from(sense) * azimuth / std::f64::consts::TAU * TURN;
+                let shift = DVec3::new(SPEED * later, 0.0, 0.0);
+                for beam in 0..12 {
+                    let direction = DVec3::new(azimuth.cos(), azimuth.sin(), 0.03 * f64::from(beam));
+                    let Some(place) = hit(pose.translation() + shift, direction) else { continue };
+                    cloud.positions.push((place - shift).to_array().map(to_f32));
+                    cloud.origins.push(pose.translation().to_array().map(to_f32));
+                    cloud.times.push(to_f32(timestamp));
+                    cloud.frames.push(frame);
+                }
+            }
+        }
+        let clip = Clip { name: String::new(), source: String::new(), licence: String::new(), frames };
+        (clip, cloud)
+    }
+
+    #[test]
+    fn sweeps_tell_in_which_sense_they_were_measured_and_when_at_once() {
+        for sense in [-1, 0, 1] {
+            let (clip, mut cloud) = street(sense);
+            let before = cloud.clone();
+            let found = tell_apart(&mut cloud, &clip, &ClipFrame::of(&clip, 0)).unwrap();
+            assert_eq!(found, sense);
+            if sense == 0 {
+                assert_eq!(cloud, before);
+                continue;
+            }
+            // A return to the left of the first sweep was measured a quarter of a turn from ahead.
+            let left = |p: &[f32; 3]| p[0].abs() < 0.2 && p[1] > 4.0;
+            let at = before.positions.iter().position(left).unwrap();
+            let seconds = 0.25 * TURN * f64::from(sense);
+            assert!((f64::from(cloud.times[at]) - seconds).abs() < 2e-3, "{}", cloud.times[at]);
+            let moved = f64::from(cloud.positions[at][0] - before.positions[at][0]);
+            assert!((moved - SPEED * seconds).abs() < 0.03, "{moved}");
+            assert!((f64::from(cloud.origins[at][0]) - SPEED * seconds).abs() < 0.03);
+        }
+    }
+
+    #[test]
+    fn what_stands_or_is_no_turning_sensor_stays_as_it_is() {
+        let (clip, cloud) = street(1);
+        let mut standing = clip.clone();
+        let here = clip.frames[0].lidar.world_from_lidar;
+        standing.frames.iter_mut().for_each(|frame| frame.lidar.world_from_lidar = here);
+        let mut slow = clip.clone();
+        slow.frames.iter_mut().for_each(|frame| frame.lidar.timestamp *= 5.0);
+        let ahead: Vec<usize> =
+            (0..cloud.len()).filter(|&i| cloud.positions[i][0] - cloud.origins[i][0] > 5.0).collect();
+        let part = PointCloud {
+            positions: ahead.iter().map(|&i| cloud.positions[i]).collect(),
+            times: ahead.iter().map(|&i| cloud.times[i]).collect(),
+            frames: ahead.iter().map(|&i| cloud.frames[i]).collect(),
+            origins: ahead.iter().map(|&i| cloud.origins[i]).collect(),
+        };
+        for (clip, cloud) in [(&standing, &cloud), (&slow, &cloud), (&clip, &part)] {
+            let mut told = cloud.clone();
+            assert_eq!(tell_apart(&mut told, clip, &ClipFrame::of(clip, 0)).unwrap(), 0);
+            assert_eq!(&told, cloud);
+        }
+    }
+}
