@@ -5,7 +5,7 @@ use lgs_formats::clip_dir::ClipDir;
 use crate::{
     error::{EngineError, Result},
     gaussians::motion::{self, Motion, Movement, MovingBox},
-    points::{self, PointCloud},
+    points::{self, PointCloud, Turn},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
 
@@ -44,12 +44,31 @@ impl<'a> Inputs<'a> {
     }
 
     /// What moves among the returns of the cloud.
-    pub(super) fn movement(&self, cloud: &PointCloud) -> Movement {
+    ///
+    /// # Errors
+    /// [`EngineError::Setting`] where boxes are to tell and no input frame has any.
+    pub(super) fn movement(&self, cloud: &PointCloud) -> Result<Movement> {
         match self.motion {
-            Motion::None => Movement::none(cloud.len()),
-            Motion::Registered => motion::registered(cloud, &self.views),
-            Motion::Boxes => motion::boxed(cloud, &self.boxes()),
+            Motion::None => Ok(Movement::none(cloud.len())),
+            Motion::Registered => Ok(motion::registered(cloud, &self.views)),
+            Motion::Boxes => {
+                let boxes = self.boxes();
+                if boxes.is_empty() {
+                    let expected = "`boxes` of an input frame in clip.json for boxes".to_owned();
+                    return Err(EngineError::Setting { setting: "--motion", expected, found: "none".to_owned() });
+                }
+                Ok(motion::boxed(cloud, &boxes))
+            }
         }
+    }
+
+    /// How the `LiDAR` turned while it measured the returns of the cloud, where its sweeps tell and the clip does not; these are then where
+    /// they were measured.
+    ///
+    /// # Errors
+    /// Those of [`points::tell_apart`].
+    pub(super) fn tell_apart(&self, cloud: &mut PointCloud) -> Result<Option<Turn>> {
+        points::tell_apart(cloud, self.dir.clip(), &self.frame)
     }
 
     /// The tracked boxes of the input frames.
@@ -82,8 +101,7 @@ impl<'a> Inputs<'a> {
     /// # Errors
     /// Whatever is wrong with a sweep's file; [`EngineError::Leak`] for a return of another frame.
     pub fn cloud(&self) -> Result<PointCloud> {
-        let mut cloud = points::aggregate(self.dir, &self.frames, &self.frame)?;
-        points::tell_apart(&mut cloud, self.dir.clip(), &self.frame)?;
+        let cloud = points::aggregate(self.dir, &self.frames, &self.frame)?;
         let allowed = |frame: u32| self.frames.iter().any(|&input| u32::try_from(input) == Ok(frame));
         match cloud.frames.chunk_by(|a, b| a == b).map(|run| run[0]).find(|&frame| !allowed(frame)) {
             Some(frame) => Err(EngineError::Leak { frame: frame as usize }),

@@ -13,8 +13,8 @@ use crate::{
 const IMAGE_PIXEL: u64 = 12;
 /// Bytes of a pixel of the view that is being drawn: six planes of tiles, five of images, three of gradients.
 const DRAWN_PIXEL: u64 = 4 * (6 + 5 + 3);
-/// Bytes of a return: position, origin, time, frame, colour, and its share of the search for neighbours.
-const RETURN: u64 = 12 + 12 + 4 + 4 + 16 + 28;
+/// Bytes of a return: position, origin, time, frame, velocity, thing, colour, and its share of the search for neighbours.
+const RETURN: u64 = 12 + 12 + 4 + 4 + 12 + 4 + 16 + 28;
 
 /// Bytes of a Gaussian whose gradient is taken: its values and those before the step, its splat, its place in the lists of tiles, sums of
 /// gradients in f64 and f32.

@@ -16,7 +16,7 @@ use crate::{
         background::{self, MapFit, Mode},
         motion,
     },
-    points::{self, PointCloud},
+    points::{self, PointCloud, Turn},
     refine::{
         Measured, RefineSummary, Turns,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
@@ -60,6 +60,8 @@ pub struct Reconstruction {
     pub measured: Option<Measured>,
     /// How the clip's depth maps were brought to metres; empty where none was used for the background.
     pub depth_maps: Vec<MapFit>,
+    /// How the `LiDAR` turned while it measured, where the sweeps told and not the clip.
+    pub turn: Option<Turn>,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -72,6 +74,7 @@ const POINT_STEPS: usize = 4;
 pub struct Begun<'a, 'b> {
     inputs: &'b Inputs<'a>,
     cloud: PointCloud,
+    turn: Option<Turn>,
     movement: motion::Movement,
     scene: GaussianSet,
     start: Instant,
@@ -83,11 +86,12 @@ pub struct Begun<'a, 'b> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let (cloud, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, turn, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
-        let cloud = inputs.cloud()?;
+        let mut cloud = inputs.cloud()?;
+        let turn = inputs.tell_apart(&mut cloud)?;
         step();
-        let movement = inputs.movement(&cloud);
+        let movement = inputs.movement(&cloud)?;
         step();
         let colours = points::paint(&cloud, &movement.velocities, inputs.views());
         step();
@@ -99,9 +103,9 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
             *own = movement.velocities[point as usize];
         }
-        Result::Ok((cloud, movement, scene))
+        Result::Ok((cloud, turn, movement, scene))
     })?;
-    Ok(Begun { inputs, cloud, movement, scene, start })
+    Ok(Begun { inputs, cloud, turn, movement, scene, start })
 }
 
 impl Begun<'_, '_> {
@@ -121,7 +125,7 @@ impl Begun<'_, '_> {
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, movement, mut scene, start } = self;
+        let Self { inputs, cloud, turn, movement, mut scene, start } = self;
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
@@ -157,7 +161,7 @@ impl Begun<'_, '_> {
             Some(NetworkRun { summary, density, measured, .. }) => (Some(summary), density, measured),
             None => (None, None, None),
         };
-        Ok(Reconstruction { scene, counts, network, optimisation: None, density, measured, depth_maps, seconds })
+        Ok(Reconstruction { scene, counts, network, optimisation: None, density, measured, depth_maps, turn, seconds })
     }
 }
 

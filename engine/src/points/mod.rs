@@ -9,9 +9,9 @@ mod turn;
 pub use aggregate::aggregate;
 pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
-pub(crate) use paint::sample;
+pub(crate) use paint::{moved, sample, samples_at, samples_of};
 pub use spacing::{bounded, spacing};
-pub use turn::tell_apart;
+pub use turn::{Turn, tell_apart};
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///

@@ -1,12 +1,10 @@
 //! The colour of every point, from the images that see it.
 
-use std::borrow::Cow;
-
 use lgs_formats::image::PixelLabel;
 use rayon::prelude::*;
 
 use super::{PointCloud, occlusion::DepthGrid};
-use crate::views::{DepthSample, Projected, Role, View};
+use crate::views::{DepthSample, PinholeView, Projected, Role, View};
 
 /// Waits that differ by less than this are the same, seconds: clocks that count from an epoch are rounded.
 const SAME_WAIT: f32 = 1e-4;
@@ -37,22 +35,33 @@ pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec
 }
 
 /// The returns of a view's own sweep where they are at the moment of the view, ascending by pixel, the nearest of each.
-pub(crate) fn samples_at<'a>(cloud: &PointCloud, velocities: &[[f32; 3]], view: &'a View) -> Cow<'a, [DepthSample]> {
+///
+/// # Shapes
+/// `velocities` `[N, 3]` metres a second; frames of the cloud ascend.
+pub(crate) fn samples_at(cloud: &PointCloud, velocities: &[[f32; 3]], view: &View) -> Vec<DepthSample> {
     let start = cloud.frames.partition_point(|&frame| (frame as usize) < view.frame);
     let end = cloud.frames.partition_point(|&frame| frame as usize <= view.frame);
-    let at_once = cloud.times[start..end].windows(2).all(|pair| pair[0] == pair[1]);
-    if at_once && velocities[start..end].iter().all(|velocity| *velocity == [0.0; 3]) {
-        return Cow::Borrowed(&view.depth_samples);
-    }
-    let sample = |i: usize| {
-        let seconds = view.pinhole.time - cloud.times[i];
-        let at = view.pinhole.project(std::array::from_fn(|k| cloud.positions[i][k] + velocities[i][k] * seconds))?;
-        Some(DepthSample { pixel: u32::try_from(at.pixel(view.pinhole.width)).ok()?, depth: at.depth })
+    samples_of((start..end).map(|i| (cloud.positions[i], velocities[i], cloud.times[i])), &view.pinhole)
+}
+
+/// Where places that move, each given with its velocity and time, are at the moment of a view, ascending by pixel, the nearest of each.
+pub(crate) fn samples_of(
+    places: impl Iterator<Item = ([f32; 3], [f32; 3], f32)>,
+    view: &PinholeView,
+) -> Vec<DepthSample> {
+    let sample = |(place, velocity, time): ([f32; 3], [f32; 3], f32)| {
+        let at = view.project(moved(place, velocity, view.time - time))?;
+        Some(DepthSample { pixel: u32::try_from(at.pixel(view.width)).ok()?, depth: at.depth })
     };
-    let mut samples: Vec<DepthSample> = (start..end).filter_map(sample).collect();
+    let mut samples: Vec<DepthSample> = places.filter_map(sample).collect();
     samples.sort_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
     samples.dedup_by_key(|sample| sample.pixel);
-    Cow::Owned(samples)
+    samples
+}
+
+/// Where a place that moves is so many seconds later, metres.
+pub(crate) fn moved(place: [f32; 3], velocity: [f32; 3], seconds: f32) -> [f32; 3] {
+    std::array::from_fn(|k| place[k] + velocity[k] * seconds)
 }
 
 fn colour_of(cloud: &PointCloud, i: usize, velocity: [f32; 3], inputs: &[(&View, DepthGrid)]) -> Option<[f32; 3]> {
@@ -60,8 +69,7 @@ fn colour_of(cloud: &PointCloud, i: usize, velocity: [f32; 3], inputs: &[(&View,
     let mut best: Option<([f32; 3], (f32, f32))> = None;
     for (view, grid) in inputs {
         let seconds = view.pinhole.time - cloud.times[i];
-        let place = std::array::from_fn(|k| cloud.positions[i][k] + velocity[k] * seconds);
-        let Some(at) = view.pinhole.project(place) else { continue };
+        let Some(at) = view.pinhole.project(moved(cloud.positions[i], velocity, seconds)) else { continue };
         let wait = if own(view) { -1.0 } else { ((view.pinhole.time - cloud.times[i]).abs() / SAME_WAIT).round() };
         let footprint = at.depth / view.pinhole.fx; // metres a pixel
         if best.is_some_and(|(_, rank)| rank <= (wait, footprint)) || grid.covers(at) {

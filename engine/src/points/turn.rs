@@ -4,8 +4,13 @@
 //! to one moment by the vehicle's motion, with the right sense of rotation; and worse if that was done before.
 
 use glam::DVec3;
-use lgs_formats::{clip::Clip, lidar_motion::LidarMotion, pose::Pose};
+use lgs_formats::{
+    clip::{Clip, ReturnsRecord},
+    lidar_motion::LidarMotion,
+    pose::Pose,
+};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::PointCloud;
 use crate::{
@@ -31,42 +36,71 @@ const SHOWS: f64 = 0.025;
 /// Where between no motion (0) and a sense (1) the least mean distance must be.
 const LEAST: f64 = 0.6;
 
-/// How a sweep's returns are brought to one moment.
+/// How a `LiDAR` turns as seen from above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Turn {
+    /// From ahead to the right.
+    Clockwise,
+    /// From ahead to the left.
+    CounterClockwise,
+}
+
+impl Turn {
+    /// What was found, for people.
+    pub const fn in_words(self) -> &'static str {
+        match self {
+            Self::Clockwise => {
+                "measured during a clockwise turn of the LiDAR, as their surfaces tell; returns brought to one moment"
+            }
+            Self::CounterClockwise => {
+                "measured during a counter-clockwise turn of the LiDAR, as their surfaces tell; returns brought to one moment"
+            }
+        }
+    }
+
+    /// Seconds after its sweep's timestamp at which a return at an azimuth (radians from ahead to the left) was measured, in a turn of so
+    /// many seconds.
+    fn seconds(self, azimuth: f64, turn_s: f64) -> f64 {
+        let share = azimuth / std::f64::consts::TAU;
+        turn_s * if self == Self::Clockwise { -share } else { share }
+    }
+}
+
+/// A sweep, and how the sensor moved around it.
 struct Sweep {
     motion: LidarMotion,
     clip_from_lidar: Pose,
     returns: std::ops::Range<usize>,
 }
 
-/// Whether the returns were told apart in time: what is returned is the sense of rotation that was found, 1 from above against the clock, -1
-/// with it, 0 where all returns stay as they are. Positions, times and origins of the cloud are those of a clip that says so.
+/// How the `LiDAR` turned while it measured, where the clip says nothing of the times of returns and the sweeps tell; positions, times and
+/// origins of the cloud are then those of a clip that says so. `None` where all stays as it is.
 ///
 /// # Formula
-/// A return at azimuth `a` (radians from ahead) was measured `sense a T / (2 pi)` seconds after its sweep's timestamp, `T` the time of a turn: the
-/// least time between two sweeps of the clip. The mean distance between sweeps is taken for sense -1, 0 and 1; a sense is believed if the parabola
-/// through the three has its minimum beyond 0.6 of the way to it, and the two senses differ by 2.5 %.
+/// A return at azimuth `a` (radians from ahead to the left) was measured `+-a T / (2 pi)` seconds after its sweep's timestamp, `T` the time of
+/// a turn: the least time between two sweeps of the clip. The mean distance between sweeps is taken for either sense and for none; a sense is
+/// believed if the parabola through the three has its minimum beyond 0.6 of the way to it, and the two senses differ by 2.5 %.
 ///
 /// # Errors
 /// When a coordinate is not finite.
-pub fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<i32> {
-    let Some((turn, sweeps)) = turning(cloud, clip, frame) else { return Ok(0) };
-    let [with, against] = [-1, 1].map(|sense| told(cloud, &sweeps, turn, sense));
+pub fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<Option<Turn>> {
+    let Some((turn_s, sweeps)) = turning(cloud, clip, frame) else { return Ok(None) };
     let still = disagreement(cloud, &sweeps)?;
-    let [minus, plus] = [disagreement(&with, &sweeps)? - still, disagreement(&against, &sweeps)? - still];
-    let least = (minus - plus) / (2.0 * (minus + plus));
-    let told =
-        (minus - plus).abs() >= SHOWS * still && minus + plus > 0.0 && least.abs() >= LEAST && minus.min(plus) < 0.0;
-    match (told, minus < plus) {
-        (false, _) => Ok(0),
-        (true, true) => {
-            *cloud = with;
-            Ok(-1)
-        }
-        (true, false) => {
-            *cloud = against;
-            Ok(1)
-        }
+    // One after the other: each is a cloud of its own.
+    let of = |turn: Turn| disagreement(&told(cloud, &sweeps, turn_s, turn), &sweeps).map(|found| found - still);
+    let (with, against) = (of(Turn::Clockwise)?, of(Turn::CounterClockwise)?);
+    let least = (with - against) / (2.0 * (with + against));
+    let tells = (with - against).abs() >= SHOWS * still
+        && with + against > 0.0
+        && least.abs() >= LEAST
+        && with.min(against) < 0.0;
+    if !tells {
+        return Ok(None);
     }
+    let turn = if with < against { Turn::Clockwise } else { Turn::CounterClockwise };
+    *cloud = told(cloud, &sweeps, turn_s, turn);
+    Ok(Some(turn))
 }
 
 /// The time of a turn and the sweeps of a cloud; `None` where the clip says more, or nothing can be told.
@@ -81,13 +115,17 @@ fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, V
     let mut start = 0;
     for run in cloud.frames.chunk_by(|a, b| a == b) {
         let record = &clip.frames.get(run[0] as usize)?.lidar;
-        if record.returns.times.is_some() || record.returns.sensors.is_some() {
+        // Returns that have times, or several sensors, are where they belong.
+        let returns = start..start + run.len();
+        let same = |places: &[[f32; 3]]| places.windows(2).all(|pair| pair[0] == pair[1]);
+        let at_once = cloud.times[returns.clone()].windows(2).all(|pair| pair[0] == pair[1]);
+        if record.returns != ReturnsRecord::default() || !at_once || !same(&cloud.origins[returns.clone()]) {
             return None;
         }
         sweeps.push(Sweep {
             motion: LidarMotion::of(clip, run[0] as usize),
             clip_from_lidar: frame.clip_from_world * record.world_from_lidar,
-            returns: start..start + run.len(),
+            returns,
         });
         start += run.len();
     }
@@ -118,14 +156,13 @@ impl Sweep {
     }
 }
 
-/// The cloud if its sweeps were measured during a turn of that sense.
-fn told(cloud: &PointCloud, sweeps: &[Sweep], turn: f64, sense: i32) -> PointCloud {
+/// The cloud if its sweeps were measured during such a turn of so many seconds.
+fn told(cloud: &PointCloud, sweeps: &[Sweep], turn_s: f64, turn: Turn) -> PointCloud {
     let mut made = cloud.clone();
     for sweep in sweeps {
         let lidar_from_clip = sweep.clip_from_lidar.inverse();
         for i in sweep.returns.clone() {
-            let seconds =
-                f64::from(sense) * sweep.azimuth(cloud.positions[i]).unwrap_or(0.0) * turn / std::f64::consts::TAU;
+            let seconds = turn.seconds(sweep.azimuth(cloud.positions[i]).unwrap_or(0.0), turn_s);
             let clip_from_then = sweep.clip_from_lidar * sweep.motion.lidar_from_lidar_at(seconds) * lidar_from_clip;
             let moved = |place: [f32; 3]| {
                 clip_from_then.transform_point(DVec3::from(place.map(f64::from))).to_array().map(to_f32)
@@ -178,7 +215,7 @@ mod tests {
         pose::Pose,
     };
 
-    use super::tell_apart;
+    use super::{Turn, tell_apart};
     use crate::{
         points::PointCloud,
         views::{ClipFrame, to_f32},
@@ -239,11 +276,11 @@ mod tests {
 
     #[test]
     fn sweeps_tell_in_which_sense_they_were_measured_and_when_at_once() {
-        for sense in [-1, 0, 1] {
+        for (sense, turn) in [(-1, Some(Turn::Clockwise)), (0, None), (1, Some(Turn::CounterClockwise))] {
             let (clip, mut cloud) = street(sense);
             let before = cloud.clone();
             let found = tell_apart(&mut cloud, &clip, &ClipFrame::of(&clip, 0)).unwrap();
-            assert_eq!(found, sense);
+            assert_eq!(found, turn);
             if sense == 0 {
                 assert_eq!(cloud, before);
                 continue;
@@ -260,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_or_is_no_turning_sensor_stays_as_it_is() {
+    fn what_stands_has_times_or_is_no_turning_sensor_stays_as_it_is() {
         let (clip, cloud) = street(1);
         let mut standing = clip.clone();
         let here = clip.frames[0].lidar.world_from_lidar;
@@ -275,9 +312,11 @@ mod tests {
             frames: ahead.iter().map(|&i| cloud.frames[i]).collect(),
             origins: ahead.iter().map(|&i| cloud.origins[i]).collect(),
         };
-        for (clip, cloud) in [(&standing, &cloud), (&slow, &cloud), (&clip, &part)] {
+        let mut timed = cloud.clone();
+        timed.times[0] += 0.01;
+        for (clip, cloud) in [(&standing, &cloud), (&slow, &cloud), (&clip, &part), (&clip, &timed)] {
             let mut told = cloud.clone();
-            assert_eq!(tell_apart(&mut told, clip, &ClipFrame::of(clip, 0)).unwrap(), 0);
+            assert_eq!(tell_apart(&mut told, clip, &ClipFrame::of(clip, 0)).unwrap(), None);
             assert_eq!(&told, cloud);
         }
     }

@@ -13,6 +13,7 @@ use crate::{
     },
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
+    points::Turn,
     refine::{LineSearch, adam::AdamSummary},
     views::Role,
 };
@@ -52,6 +53,9 @@ pub struct Metrics {
     /// How the clip's depth maps were brought to metres; no key where none was used for the background.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub depth_maps: Vec<MapFit>,
+    /// How the `LiDAR` turned while it measured a sweep, where the clip does not say and the sweeps tell; no key elsewhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lidar_turn: Option<Turn>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.

@@ -22,6 +22,9 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("cli::motion::street_of_two_frames", || near_the_tracks(&["--frames", "0,2"], &[0, 2])),
         case("cli::motion::all_of_street", || near_the_tracks(&[], &[0, 1, 2, 3, 4])),
         case("cli::motion::none", nothing_moves),
+        case("cli::motion::boxes", boxes_tell),
+        case("cli::motion::boxes_of_held_out_frames_do_not_count", boxes_of_held_out_frames_do_not_count),
+        case("cli::motion::boxes_where_there_are_none", no_boxes_to_tell),
         case("cli::motion::held_out_sweeps_do_not_count", held_out_sweeps_do_not_count),
     ]
 }
@@ -34,7 +37,8 @@ fn initial(clip: &Path, flags: &[&str]) -> Result<GaussianSet, Failed> {
     let common = ["--weights", "none", "--background", "off", "--views", "none", "--image-size", "96x160"];
     arguments.extend(common.iter().chain(flags).map(|flag| flag.as_ref() as &std::ffi::OsStr));
     run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
-    let wanted = if flags.contains(&"none") { "none" } else { "registered" };
+    let named = |name: &&&str| flags.contains(*name);
+    let wanted = ["none", "boxes"].iter().find(named).copied().unwrap_or("registered");
     let page = metrics::read(&out)?;
     if page["config"]["motion"] != wanted {
         return Err(format!("motion {}, want {wanted}", page["config"]["motion"]).into());
@@ -84,4 +88,40 @@ fn held_out_sweeps_do_not_count() -> Outcome {
     let (clean, other) = (clean?, other?);
     let moving = clean.velocities.iter().any(|v| *v != [0.0; 3]);
     if moving && clean == other { Ok(()) } else { Err("the sweeps of held-out frames count".into()) }
+}
+
+/// What is inside of a box moves as the box does, and nothing else.
+fn boxes_tell() -> Outcome {
+    let errors = errors(&initial(&clips::street(), &["--hold-out", "odd", "--motion", "boxes"])?, &[0, 2, 4])?;
+    let good = errors.moving > 100 && errors.error < 0.05 * errors.speed && errors.resting_speed < RESTING;
+    if good { Ok(()) } else { Err(format!("{errors:?}").into()) }
+}
+
+fn without_boxes(clip: &Path, frames: &[usize]) -> Result<(), Failed> {
+    clips::copy(&clips::street(), clip)?;
+    clips::edit(clip, |description| {
+        for &frame in frames {
+            description["frames"][frame].as_object_mut().and_then(|frame| frame.remove("boxes"));
+        }
+    })?;
+    Ok(())
+}
+
+fn boxes_of_held_out_frames_do_not_count() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let clip = place.path().join("clip");
+    without_boxes(&clip, &[1, 3])?;
+    let [clean, other] =
+        [clips::street(), clip].map(|clip| initial(&clip, &["--hold-out", "odd", "--motion", "boxes"]));
+    if clean? == other? { Ok(()) } else { Err("the boxes of held-out frames count".into()) }
+}
+
+fn no_boxes_to_tell() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let (clip, out) = (place.path().join("clip"), place.path().join("out"));
+    without_boxes(&clip, &[0, 1, 2, 3, 4])?;
+    let arguments = [clip.as_os_str(), "--motion".as_ref(), "boxes".as_ref(), "--out".as_ref(), out.as_os_str()];
+    let names = ["--motion", "`boxes` of an input frame in clip.json", "found none"];
+    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_one_line_at_the_end(&names)?;
+    if out.join("scene.ply").exists() { Err("a scene was written".into()) } else { Ok(()) }
 }

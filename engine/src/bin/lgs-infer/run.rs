@@ -108,6 +108,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         network: reconstruction.network,
         optimisation: reconstruction.optimisation,
         depth_maps: reconstruction.depth_maps,
+        lidar_turn: reconstruction.turn,
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -124,8 +125,9 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
-    let notes = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
-    Ok(Outcome { text, notes: notes.into_iter().collect(), has_findings: false })
+    let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
+    let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
+    Ok(Outcome { text, notes: maps.into_iter().chain(turn).collect(), has_findings: false })
 }
 
 /// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.

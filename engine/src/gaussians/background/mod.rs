@@ -21,7 +21,7 @@ use self::{
 };
 use super::{Coarseness, GaussianSet, MEAN, NUM_ATTRIBUTES, Start, motion::Movement};
 use crate::{
-    points::PointCloud,
+    points::{PointCloud, samples_at},
     views::{PinholeView, Role, View},
 };
 
@@ -96,7 +96,7 @@ pub fn add_background(
         coverage
     };
     let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
-    add_moving(set, &inputs, (&mut sheets, &mut coverages), &things, coarseness);
+    add_moving(set, &inputs, (&mut sheets, &mut coverages), (cloud, &things), coarseness);
     add_pixels(set, &inputs, (&sheets, &mut coverages), coarseness);
     if matches!(mode, Mode::Sky | Mode::Gaps) {
         return fits;
@@ -122,14 +122,16 @@ fn add_moving(
     set: &mut GaussianSet,
     inputs: &[&View],
     (sheets, coverages): (&mut [Sheet], &mut [Coverage]),
-    things: &[moving::Thing],
+    (still, things): (&PointCloud, &[moving::Thing]),
     coarseness: Coarseness,
 ) {
+    let velocities = vec![[0.0; 3]; still.len()];
     for k in 0..inputs.len() {
         let view = inputs[k];
+        let standing = samples_at(still, &velocities, view);
         let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
         for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
-            let Some(own) = moving::sheet(view, &mut sheets[k], thing, things, &sources) else { continue };
+            let Some(own) = moving::sheet(view, (&mut sheets[k], &standing), thing, things, &sources) else { continue };
             let rows = emit::rows(view, &own, (&coverages[k], Trust::Alone), &[], coarseness);
             let seconds = view.pinhole.time - thing.time;
             let first = set.len();

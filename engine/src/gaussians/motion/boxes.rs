@@ -36,7 +36,8 @@ pub fn boxed(cloud: &PointCloud, boxes: &[MovingBox]) -> Movement {
         .map(|(own, _)| {
             let start = cloud.frames.partition_point(|&frame| frame < own.frame);
             let end = cloud.frames.partition_point(|&frame| frame <= own.frame);
-            (start..end).filter(|&point| own.contains(cloud.positions[point])).collect()
+            let box_from_clip = own.clip_from_box.inverse();
+            (start..end).filter(|&point| own.holds(&box_from_clip, cloud.positions[point])).collect()
         })
         .collect();
     for ((_, flow), inside) in flows.into_iter().zip(inside).filter(|(_, inside)| !inside.is_empty()) {
@@ -46,8 +47,8 @@ pub fn boxed(cloud: &PointCloud, boxes: &[MovingBox]) -> Movement {
 }
 
 impl MovingBox {
-    fn contains(&self, point: [f32; 3]) -> bool {
-        let at = self.clip_from_box.inverse().transform_point(DVec3::from(point.map(f64::from)));
+    fn holds(&self, box_from_clip: &Pose, point: [f32; 3]) -> bool {
+        let at = box_from_clip.transform_point(DVec3::from(point.map(f64::from)));
         (0..3).all(|k| at[k].abs() <= 0.5 * self.size[k] + MARGIN)
     }
 }

@@ -98,7 +98,10 @@ impl Movement {
     }
 }
 
-/// What moves, as sweeps and images say together.
+/// What moves, as sweeps and images say together; nothing where there are no two sweeps.
+///
+/// # Shapes
+/// The cloud sweep by sweep; `views` input views, of which those of the sweeps' own frames and the same cameras are compared.
 pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
     let mut runs = Vec::new();
     let mut start = 0;

@@ -6,7 +6,7 @@ use super::{
     judge::{Care, Judge},
     region::{Region, grow},
     rigid::{Rigid, refined},
-    search::{FASTEST, candidates, climb, seeds, some_of},
+    search::{AROUND, FASTEST, candidates, climb, seeds, some_of},
     sweeps::{Other, Sweep},
 };
 
@@ -139,7 +139,7 @@ impl Search<'_> {
             let some: Vec<(usize, Vec<usize>)> =
                 regions.iter().map(|region| some_of(&region.sites, MAX_SITES)).enumerate().collect();
             let total = |v: [f32; 2]| some.iter().map(|(sweep, sites)| judge.total(*sweep, sites, v, Care::FINE)).sum();
-            velocity = climb(velocity, STEPS[0] / last, STEPS[1] / last, total);
+            velocity = climb(velocity, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, total);
             regions[guess.sweep] = self.grown(guess.sweep, velocity, &regions[guess.sweep].sites);
         }
         let speed = velocity[0].hypot(velocity[1]);

@@ -1,6 +1,6 @@
 //! The sites of a sweep that a velocity explains better than standing still.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 
 use super::judge::{Care, Judge};
 
@@ -67,13 +67,13 @@ impl Growth<'_> {
 
     /// What is reached from `starts` over sites that are `wanted`, in the order in which they are reached.
     fn spread(&mut self, starts: &[usize], link: f32, mut wanted: impl FnMut(&mut Self, usize) -> bool) -> Vec<usize> {
-        let mut seen: HashMap<usize, ()> = starts.iter().map(|&site| (site, ())).collect();
+        let mut seen: HashSet<usize> = starts.iter().copied().collect();
         let mut found = Vec::new();
         let mut queue: VecDeque<usize> = starts.iter().copied().collect();
         while let Some(site) = queue.pop_front() {
             found.push(site);
             for other in self.around(site, link) {
-                if seen.insert(other, ()).is_none() && wanted(self, other) {
+                if seen.insert(other) && wanted(self, other) {
                     queue.push_back(other);
                 }
             }

@@ -2,7 +2,7 @@
 
 use super::{
     judge::{Care, Judge},
-    search::some_of,
+    search::{AROUND, climb, some_of},
     sweeps::Sweep,
 };
 
@@ -19,6 +19,10 @@ const TURNS: (usize, f32) = (24, 1.2);
 const WORTH: f64 = 0.02;
 /// Largest turn, radians a second: tight corners at town speed.
 const FASTEST: f32 = 1.0;
+
+/// Directions in which velocity and turn are changed.
+const TURNING: [[f32; 3]; 6] =
+    [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
 
 /// A motion in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,73 +47,41 @@ impl Rigid {
 pub(super) fn refined(judge: &Judge<'_>, from: usize, sites: &[usize], velocity: [f32; 2]) -> Rigid {
     let own = &judge.sweeps[from];
     let middle = middle(own, sites);
-    let start = Rigid { velocity, turn: 0.0, middle };
-    let Some(nearest) = own.others.first().map(|other| other.seconds.abs()) else { return start };
+    let Some(nearest) = own.others.first().map(|other| other.seconds.abs()) else {
+        return Rigid { velocity, turn: 0.0, middle };
+    };
     let near = own.others.iter().take_while(|other| other.seconds.abs() <= (NEAR.0 * nearest).max(NEAR.1)).count();
     let some = some_of(sites, MAX_SITES);
     let care = Care { others: near, ..Care::FINE };
-    let total = |rigid: &Rigid| -> f64 {
+    let total = |velocity: [f32; 2], turn: f32| -> f64 {
+        let rigid = Rigid { velocity, turn, middle };
         let of = |&site: &usize| {
             let [x, y, _] = own.sites.sites[site].mean;
             f64::from(judge.score(from, site, rigid.at(x, y), care))
         };
-        some.iter().map(of).sum()
+        if turn.abs() > FASTEST { f64::NEG_INFINITY } else { some.iter().map(of).sum() }
     };
-    let straight = climb(start, nearest, None, &total);
+    let (first, last) = (STEPS[0] / nearest, STEPS[1] / STEPS[0]);
+    let straight = climb(velocity, [first; 2], last, &AROUND, |v| total(v, 0.0));
     let far = |&site: &usize| {
         let [x, y, _] = own.sites.sites[site].mean;
         (x - middle[0]).hypot(y - middle[1])
     };
     let reach = some.iter().map(far).fold(0.0, f32::max);
-    if some.len() < TURNS.0 || reach < TURNS.1 {
-        return straight;
+    let (mut velocity, mut turn) = (straight, 0.0);
+    if some.len() >= TURNS.0 && reach >= TURNS.1 {
+        let [x, y] = straight;
+        // A step of the turn moves the farthest site as far as one of the velocity moves all.
+        let steps = [first, first, first / reach];
+        let [x, y, w] = climb([x, y, 0.0], steps, last, &TURNING, |[x, y, w]| total([x, y], w));
+        if total([x, y], w) - total(straight, 0.0) >= WORTH * some.len() as f64 {
+            (velocity, turn) = ([x, y], w);
+        }
     }
-    let turning = climb(straight, nearest, Some(reach), &total);
-    if total(&turning) - total(&straight) >= WORTH * some.len() as f64 { turning } else { straight }
+    Rigid { velocity, turn, middle }
 }
 
 fn middle(own: &Sweep, sites: &[usize]) -> [f32; 2] {
     let sum = |k: usize| sites.iter().map(|&site| f64::from(own.sites.sites[site].mean[k])).sum::<f64>();
     [0, 1].map(|k| crate::views::to_f32(sum(k) / sites.len().max(1) as f64))
-}
-
-/// Where steps of shrinking length along velocity and, for a thing of some half length, turn no longer raise `total`.
-fn climb(start: Rigid, seconds: f32, half: Option<f32>, total: &impl Fn(&Rigid) -> f64) -> Rigid {
-    /// Most steps of one length.
-    const MAX_STEPS: usize = 8;
-    let (mut best, mut highest, mut step) = (start, total(&start), STEPS[0]);
-    while step >= STEPS[1] {
-        for _ in 0..MAX_STEPS {
-            let before = best;
-            let speed = step / seconds;
-            let turn = half.map_or(0.0, |half| speed / half);
-            let moves = [
-                [1.0, 0.0, 0.0],
-                [-1.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [0.0, -1.0, 0.0],
-                [0.0, 0.0, 1.0],
-                [0.0, 0.0, -1.0],
-            ];
-            for [x, y, w] in moves {
-                if w != 0.0 && half.is_none() {
-                    continue;
-                }
-                let next = Rigid {
-                    velocity: [before.velocity[0] + x * speed, before.velocity[1] + y * speed],
-                    turn: (before.turn + w * turn).clamp(-FASTEST, FASTEST),
-                    ..before
-                };
-                let found = total(&next);
-                if found > highest {
-                    (best, highest) = (next, found);
-                }
-            }
-            if best == before {
-                break;
-            }
-        }
-        step *= 0.5;
-    }
-    best
 }

@@ -13,8 +13,10 @@ pub(super) const FASTEST: f32 = 40.0;
 const STRIDE: f32 = 0.5;
 /// Hypotheses of the coarse search that are followed.
 const NUM_FOLLOWED: usize = 5;
-/// Displacement at which following ends, metres.
-const END: f32 = 0.04;
+/// Displacements of the first and last steps when they are followed, metres.
+const STEPS: [f32; 2] = [0.2, 0.04];
+/// Displacement between two of them that are different, metres.
+const APART: f32 = 0.3;
 /// Most sites of a seed that are moved.
 const MAX_SITES: usize = 32;
 /// Distance between two sites of a seed: metres, and share of the distance from the sensor.
@@ -67,15 +69,17 @@ pub(super) fn candidates(judge: &Judge<'_>, from: usize, sites: &[usize]) -> Vec
     });
     starts.truncate(NUM_FOLLOWED);
     let follow = |start: [f32; 2]| {
-        let near = climb(start, 0.5 * STRIDE / seconds, 0.2 / seconds, |v| judge.total(from, &sites, v, Care::ROUGH));
-        let near = climb(near, 0.2 / last, END / last, |v| judge.total(from, &sites, v, Care::FINE));
+        let rough = |v| judge.total(from, &sites, v, Care::ROUGH);
+        let near = climb(start, [0.5 * STRIDE / seconds; 2], 0.8, &AROUND, rough);
+        let fine = |v| judge.total(from, &sites, v, Care::FINE);
+        let near = climb(near, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, fine);
         (near, judge.total(from, &sites, near, Care::FINE))
     };
     let mut found: Vec<([f32; 2], f64)> = starts.into_iter().map(follow).collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut kept: Vec<[f32; 2]> = Vec::new();
     for (v, _) in found {
-        let new = |other: &[f32; 2]| (v[0] - other[0]).hypot(v[1] - other[1]) * last > 0.3;
+        let new = |other: &[f32; 2]| (v[0] - other[0]).hypot(v[1] - other[1]) * last > APART;
         if kept.iter().all(new) {
             kept.push(v);
         }
@@ -125,18 +129,27 @@ fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2
     maxima.into_iter().map(velocity).collect()
 }
 
-/// Where steps of shrinking length (metres a second) along the axes and diagonals no longer raise `value`.
-pub(super) fn climb(start: [f32; 2], step: f32, end: f32, value: impl Fn([f32; 2]) -> f64) -> [f32; 2] {
-    const AROUND: [[f32; 2]; 8] =
-        [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]];
+/// Directions in which a velocity is changed.
+pub(super) const AROUND: [[f32; 2]; 8] =
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]];
+
+/// Where steps along some directions no longer raise `value`; `first` long at the beginning, and halved as long as they are at least `last`
+/// of that.
+pub(super) fn climb<const N: usize>(
+    start: [f32; N],
+    first: [f32; N],
+    last: f32,
+    directions: &[[f32; N]],
+    value: impl Fn([f32; N]) -> f64,
+) -> [f32; N] {
     /// Most steps of one length.
     const MAX_STEPS: usize = 8;
-    let (mut best, mut highest, mut step) = (start, value(start), step);
-    while step >= end && step > 0.0 {
+    let (mut best, mut highest, mut share) = (start, value(start), 1.0);
+    while share >= last {
         for _ in 0..MAX_STEPS {
             let before = best;
-            for [x, y] in AROUND {
-                let next = [before[0] + x * step, before[1] + y * step];
+            for direction in directions {
+                let next: [f32; N] = std::array::from_fn(|k| before[k] + share * first[k] * direction[k]);
                 let found = value(next);
                 if found > highest {
                     (best, highest) = (next, found);
@@ -146,7 +159,7 @@ pub(super) fn climb(start: [f32; 2], step: f32, end: f32, value: impl Fn([f32; 2
                 break;
             }
         }
-        step *= 0.5;
+        share *= 0.5;
     }
     best
 }

@@ -8,6 +8,8 @@ use super::{
 
 /// How far around what is seen of a thing its shadow is its own, metres.
 const AROUND: f32 = 0.15;
+/// How far below the ground returns are still of it, metres: mirrored ones are lower.
+const LOWEST: f32 = -0.3;
 /// One in so many of its sites may stick out on either side.
 const FEW: usize = 30;
 
@@ -29,7 +31,7 @@ pub(super) fn spread(points: &[[f32; 3]], sweep: &Sweep, movers: &[Mover], index
         if site != NONE {
             return of_site[site as usize];
         }
-        let low = sweep.ground.above(point).is_some_and(|h| h < HEIGHTS.start);
+        let low = sweep.ground.above(point).is_some_and(|h| (LOWEST..HEIGHTS.start).contains(&h));
         let under = || footprints.iter().find(|(_, footprint)| footprint.holds(point)).map(|(label, _)| *label);
         if low { under() } else { None }
     };

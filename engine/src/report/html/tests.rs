@@ -48,6 +48,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         network: None,
         optimisation: None,
         depth_maps: Vec::new(),
+        lidar_turn: None,
         stages_s: StageTimes::default(),
         reconstruction_s: 0.5,
         peak_rss_mb: None,

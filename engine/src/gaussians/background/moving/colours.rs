@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     gaussians::background::Sheet,
-    points::sample,
+    points::{moved, sample},
     views::{Projected, View},
 };
 
@@ -24,6 +24,7 @@ pub(super) struct Pixels {
 }
 
 impl Pixels {
+    /// Those of an outline; `inverse` `[H, W]` inverse depths of the thing, 1 / metres.
     pub(super) fn of(
         view: &View,
         sheet: &Sheet,
@@ -37,11 +38,11 @@ impl Pixels {
             let [u, v] = [(pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5];
             let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
-            let moved = at(inverse[pixel]);
-            let velocity = thing.velocity_of(moved, view.pinhole.time - thing.time);
+            let place = at(inverse[pixel]);
+            let velocity = thing.velocity_of(place, view.pinhole.time - thing.time);
             let there = |source: &View| {
                 let seconds = source.pinhole.time - view.pinhole.time;
-                source.pinhole.project(std::array::from_fn(|k| moved[k] + velocity[k] * seconds))
+                source.pinhole.project(moved(place, velocity, seconds))
             };
             let still = sheet.inverse_depths[pixel];
             let differ = |place: &dyn Fn(&View) -> Option<Projected>| {

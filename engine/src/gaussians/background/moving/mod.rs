@@ -11,7 +11,7 @@ use self::{colours::Pixels, nearest::Nearest, outline::Outline};
 use super::{Sheet, depth::Trust, emit::is_ignored, gaps::continued};
 use crate::{
     gaussians::motion::{Flow, Movement, STANDS},
-    points::PointCloud,
+    points::{PointCloud, moved, samples_of},
     views::{DepthSample, View},
 };
 
@@ -32,7 +32,7 @@ impl Thing {
     /// The velocity of a point of it that stands at `place` so many seconds after its own time.
     pub(super) fn velocity_of(&self, place: [f32; 3], seconds: f32) -> [f32; 3] {
         let velocity = self.flow.at(place);
-        self.flow.at(std::array::from_fn(|k| place[k] - velocity[k] * seconds))
+        self.flow.at(moved(place, velocity, -seconds))
     }
 }
 
@@ -62,7 +62,15 @@ pub(super) fn still(cloud: &PointCloud, movement: &Movement) -> PointCloud {
 }
 
 /// The depths of the pixels of `view` that show `thing`, which are no longer known to `sheet`; `None` where the view does not show it.
-pub(super) fn sheet(view: &View, sheet: &mut Sheet, thing: &Thing, all: &[Thing], sources: &[&View]) -> Option<Sheet> {
+///
+/// `still`: the returns of what stands that the view shows; `all`: every thing, this one included; `sources`: images that are compared.
+pub(super) fn sheet(
+    view: &View,
+    (sheet, still): (&mut Sheet, &[DepthSample]),
+    thing: &Thing,
+    all: &[Thing],
+    sources: &[&View],
+) -> Option<Sheet> {
     let own = samples(view, thing);
     if own.len() < FEWEST {
         return None;
@@ -74,7 +82,7 @@ pub(super) fn sheet(view: &View, sheet: &mut Sheet, thing: &Thing, all: &[Thing]
         inverse_depths[pixel] = inverse;
     }
     let pixels = Pixels::of(view, sheet, thing, &outline, &inverse_depths, sources);
-    let near = Nearest::of(view, &own, all, thing, &outline);
+    let near = Nearest::of(view, (&own, still), all, thing, &outline);
     let shows = |&pixel: &usize| {
         !is_ignored(view, pixel)
             && sheet.trust[pixel] != Trust::OwnVehicle
@@ -91,16 +99,8 @@ pub(super) fn sheet(view: &View, sheet: &mut Sheet, thing: &Thing, all: &[Thing]
 
 /// Where the returns of a thing are in an image, at its moment.
 fn samples(view: &View, thing: &Thing) -> Vec<DepthSample> {
-    let of = |&(place, time): &([f32; 3], f32)| {
-        let velocity = thing.flow.at(place);
-        let seconds = view.pinhole.time - time;
-        let at = view.pinhole.project(std::array::from_fn(|k| place[k] + velocity[k] * seconds))?;
-        Some(DepthSample { pixel: u32::try_from(at.pixel(view.pinhole.width)).ok()?, depth: at.depth })
-    };
-    let mut found: Vec<DepthSample> = thing.returns.iter().filter_map(of).collect();
-    found.sort_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
-    found.dedup_by_key(|sample| sample.pixel);
-    found
+    let of = |&(place, time): &([f32; 3], f32)| (place, thing.flow.at(place), time);
+    samples_of(thing.returns.iter().map(of), &view.pinhole)
 }
 
 #[cfg(test)]
@@ -156,7 +156,7 @@ mod tests {
         let count = SIZE[0] * SIZE[1];
         let mut wall = Sheet { inverse_depths: vec![1.0 / 40.0; count], trust: vec![Trust::Alone; count] };
         let all = [thing];
-        let found = sheet(&first, &mut wall, &all[0], &all, &[&second]).unwrap();
+        let found = sheet(&first, (&mut wall, &[]), &all[0], &all, &[&second]).unwrap();
         let share = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
             let pixels: Vec<usize> =
                 rows.flat_map(|row| columns.clone().map(move |column| row * SIZE[0] + column)).collect();
@@ -183,7 +183,7 @@ mod tests {
         let count = SIZE[0] * SIZE[1];
         let mut wall = Sheet { inverse_depths: vec![0.1; count], trust: vec![Trust::Alone; count] };
         let before = wall.clone();
-        assert!(sheet(&view, &mut wall, &thing, std::slice::from_ref(&thing), &[]).is_none());
+        assert!(sheet(&view, (&mut wall, &[]), &thing, std::slice::from_ref(&thing), &[]).is_none());
         assert_eq!(wall, before);
     }
 }

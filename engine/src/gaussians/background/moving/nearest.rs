@@ -15,25 +15,19 @@ pub(super) struct Nearest {
 }
 
 impl Nearest {
-    pub(super) fn of(view: &View, own: &[DepthSample], all: &[Thing], thing: &Thing, outline: &Outline) -> Self {
+    /// Those of the pixels of an outline. `own` and `still`: where the returns of the thing and of what stands are in the image.
+    pub(super) fn of(
+        view: &View,
+        (own, still): (&[DepthSample], &[DepthSample]),
+        all: &[Thing],
+        thing: &Thing,
+        outline: &Outline,
+    ) -> Self {
         let width = view.pinhole.width;
         let mut theirs: Vec<bool> = vec![false; view.pinhole.num_pixels()];
-        // Returns of all things are where they are at the moment of the image; what is left stands.
-        let mut moves = theirs.clone();
-        for other in all.iter().filter(|other| other.flow.frame == thing.flow.frame) {
-            for &(place, _) in &other.returns {
-                if let Some(at) = view.pinhole.project(place) {
-                    moves[at.pixel(width)] = true;
-                }
-            }
-            if !std::ptr::eq(other, thing) {
-                samples(view, other).iter().for_each(|sample| theirs[sample.pixel as usize] = true);
-            }
-        }
-        view.depth_samples
-            .iter()
-            .filter(|sample| !moves[sample.pixel as usize])
-            .for_each(|sample| theirs[sample.pixel as usize] = true);
+        let others = all.iter().filter(|other| other.flow.frame == thing.flow.frame && !std::ptr::eq(*other, thing));
+        let moving = others.flat_map(|other| samples(view, other));
+        moving.chain(still.iter().copied()).for_each(|sample| theirs[sample.pixel as usize] = true);
         let mut mine = vec![false; theirs.len()];
         own.iter().for_each(|sample| mine[sample.pixel as usize] = true);
         let distances = |seeds: &[bool]| distances(outline, width, seeds);
