@@ -16,7 +16,7 @@ const STEPS: [f32; 2] = [0.12, 0.008];
 /// Fewest sites of what is seen to turn, and least distance of their farthest from their middle, metres.
 const TURNS: (usize, f32) = (24, 1.2);
 /// What a turn must add to the mean score.
-const WORTH: f64 = 0.02;
+const WORTH: f64 = 0.01;
 /// Largest turn, radians a second: tight corners at town speed.
 const FASTEST: f32 = 1.0;
 

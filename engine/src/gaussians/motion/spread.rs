@@ -9,7 +9,7 @@ use super::{
 /// How far around what is seen of a thing its shadow is its own, metres.
 const AROUND: f32 = 0.15;
 /// How far below the ground returns are still of it, metres: mirrored ones are lower.
-const LOWEST: f32 = -0.3;
+const LOWEST: f32 = -1.0;
 /// One in so many of its sites may stick out on either side.
 const FEW: usize = 30;
 
