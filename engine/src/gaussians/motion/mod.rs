@@ -11,6 +11,7 @@ mod ground;
 mod judge;
 mod masks;
 mod movers;
+mod own_vehicle;
 mod rays;
 mod region;
 mod rigid;
@@ -117,6 +118,7 @@ pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
     let frames: Vec<u32> = runs.iter().map(|run| cloud.frames[run.start]).collect();
     let eyes = eyes::Eyes::of(views, &frames, STEADY);
     let movers = movers::movers(&judge::Judge { sweeps: &sweeps, eyes: &eyes });
+    let own = own_vehicle::own(cloud, &runs, &sweeps);
     for (index, run) in runs.iter().enumerate() {
         let of_return = spread::spread(&cloud.positions[run.clone()], &sweeps[index], &movers, index);
         for (label, mover) in movers.iter().enumerate() {
@@ -124,6 +126,11 @@ pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
             if own().next().is_some() {
                 movement.add(cloud, Flow::planar(frames[index], &mover.parts[index].1), own());
             }
+        }
+        let own_vehicle::Own { returns, velocity } = &own[index];
+        if !returns.is_empty() {
+            let rigid = rigid::Rigid { velocity: *velocity, turn: 0.0, middle: [0.0; 2] };
+            movement.add(cloud, Flow::planar(frames[index], &rigid), returns.iter().copied());
         }
     }
     movement

@@ -45,6 +45,8 @@ pub(super) struct Sweep {
     pub(super) sites: Sites,
     pub(super) rays: Rays,
     pub(super) ground: Ground,
+    /// Where it was taken from, the mean over its returns, metres, clip frame.
+    pub(super) origin: [f32; 3],
     /// Mean time of its returns, seconds.
     pub(super) time: f32,
     /// Whom it is compared with, nearest in time first.
@@ -95,7 +97,7 @@ pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Ve
         let sites = Sites::of(points(index), &cloud.times[runs[index].clone()], origin, &ground);
         let rays = Rays::of(points(index), &cloud.origins[runs[index].clone()], origin);
         let all = Mask::of(&sites.sites, origin, |_| true);
-        Sweep { masks: [all.clone(), all], still: Vec::new(), time: times[index], rays, sites, others, ground }
+        Sweep { masks: [all.clone(), all], still: Vec::new(), origin, time: times[index], rays, sites, others, ground }
     };
     let mut sweeps: Vec<Sweep> = (0..runs.len()).into_par_iter().map(of).collect();
     let still: Vec<Vec<Still>> = (0..sweeps.len())

@@ -181,3 +181,34 @@ fn threads_do_not_matter() {
     assert!(one.iter().any(|v| *v != [0.0; 3]));
     assert_eq!(one, three);
 }
+
+#[test]
+fn returns_of_the_own_vehicle_go_with_it_and_a_wall_beside_it_does_not() {
+    let mut sweeps = scan(&street(), &[0.0, 0.2, 0.4]);
+    let standing = sweeps.cloud.len();
+    let mut cloud = PointCloud::default();
+    let starts: Vec<usize> = (0..3).map(|k| sweeps.cloud.frames.partition_point(|&frame| frame < k)).collect();
+    let mut owns = Vec::new();
+    for (frame, &time) in (0_u32..).zip(&[0.0_f32, 0.2, 0.4]) {
+        let end = starts.get(frame as usize + 1).copied().unwrap_or(standing);
+        let here = starts[frame as usize]..end;
+        cloud.positions.extend(&sweeps.cloud.positions[here.clone()]);
+        cloud.origins.extend(&sweeps.cloud.origins[here.clone()]);
+        let bonnet = (0..60_u16).map(|k| [5.0 * time + 1.2 + 0.02 * f32::from(k), 0.3, -0.9]);
+        owns.extend(cloud.positions.len()..cloud.positions.len() + 60);
+        cloud.positions.extend(bonnet);
+        cloud.origins.resize(cloud.positions.len(), [5.0 * time, 0.0, 0.0]);
+        cloud.times.resize(cloud.positions.len(), time);
+        cloud.frames.resize(cloud.positions.len(), frame);
+    }
+    sweeps.cloud = cloud;
+    let found = registered(&sweeps.cloud, &[]).velocities;
+    for (i, [x, y, _]) in found.into_iter().enumerate() {
+        let want = if owns.contains(&i) { 5.0 } else { 0.0 };
+        assert!(
+            (x - want).abs() < 0.01 && y.abs() < 0.01,
+            "{x} {y} instead of {want} at {:?}",
+            sweeps.cloud.positions[i]
+        );
+    }
+}
