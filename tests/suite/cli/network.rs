@@ -21,9 +21,14 @@ pub(crate) fn cases() -> Vec<Trial> {
 
 /// A folder with the small config and weights of it whose refinement moves things a little.
 fn place() -> Result<tempfile::TempDir, Failed> {
+    place_of(2)
+}
+
+/// The same with the weights of a seed.
+fn place_of(seed: u64) -> Result<tempfile::TempDir, Failed> {
     let place = tempfile::tempdir()?;
     fs::write(place.path().join("small.json"), SMALL)?;
-    let weights = Weights::seeded(SMALL, 2, Heads { residuals: 3e-5, scores: 0.0 })?.at_rest()?;
+    let weights = Weights::seeded(SMALL, seed, Heads { residuals: 1e-4, scores: 0.0 })?.at_rest()?;
     weights.write(&place.path().join("forward.safetensors"))?;
     weights.backwards()?.write(&place.path().join("backward.safetensors"))?;
     Ok(place)
@@ -84,20 +89,23 @@ fn switched_off() -> Outcome {
     equals("config.query", &page["config"]["query"], &json!(false))
 }
 
-/// Of two opposite steps one helps: it is kept and the loss falls; the other is taken back.
+/// A step that helps is kept and the loss falls; one that does not is taken back. Of some pairs of opposite steps one at least helps.
 fn a_step_that_helps() -> Outcome {
-    let place = place()?;
-    let mut kept = 0;
-    for weights in ["forward.safetensors", "backward.safetensors"] {
-        let page = page(&place, &["--weights", weights, "--frames", "0,1", "--refine-steps", "1"])?;
-        let refine = &page["network"]["refine"];
-        let losses = [0, 1].map(|k| refine["losses"][k].as_f64().unwrap_or(f64::NAN));
-        let fell = losses[1] < losses[0];
-        let want = json!([u8::from(fell), !fell]);
-        equals("steps and early stop", &json!([refine["steps"], refine["stopped_early"]]), &want)?;
-        kept += u8::from(fell);
+    let (mut kept, mut undone) = (0, 0);
+    for seed in 0..4 {
+        let place = place_of(seed)?;
+        for weights in ["forward.safetensors", "backward.safetensors"] {
+            let page = page(&place, &["--weights", weights, "--frames", "0,1", "--refine-steps", "1"])?;
+            let refine = &page["network"]["refine"];
+            let losses = [0, 1].map(|k| refine["losses"][k].as_f64().unwrap_or(f64::NAN));
+            let fell = losses[1] < losses[0];
+            let want = json!([u8::from(fell), !fell]);
+            equals("steps and early stop", &json!([refine["steps"], refine["stopped_early"]]), &want)?;
+            kept += u8::from(fell);
+            undone += u8::from(!fell);
+        }
     }
-    if kept > 0 { Ok(()) } else { Err("neither of two opposite steps helped".into()) }
+    if kept > 0 && undone > 0 { Ok(()) } else { Err(format!("{kept} steps kept, {undone} taken back").into()) }
 }
 
 /// No levels, no blocks, widths that no vector divides, patches of one: all of them run and change nothing.

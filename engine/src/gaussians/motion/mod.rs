@@ -36,7 +36,7 @@ pub enum Motion {
     /// From what sweeps and images say together.
     ///
     /// Held-out PSNR over ten procedural scenes (128x256, odd frames held out) without a
-    /// network, all at rest, registered and by the true boxes: 24.59, 25.04 and 25.10 dB, over moving pixels 20.34, 23.28 and 23.82 dB.
+    /// network, all at rest, registered and by the true boxes: 24.59, 25.03 and 25.10 dB, over moving pixels 20.34, 23.28 and 23.82 dB.
     #[default]
     Registered,
     /// What is inside a tracked box of an input frame moves as the box does, its rotation included; all else stands still.
