@@ -185,7 +185,8 @@ proptest! {
         let images = Images { truth, rendered, width, height };
         let (value, gradient) = gradient_of(&images.pair(), None, 1.0);
         let (want, want_gradient) = reference::ssim(&images.pair(), |_, _| true);
-        prop_assert!((value.unwrap() - want).abs() < 1e-6);
+        // One window of f32 moments: a variance of 0.1 is 1e-7 off, and what it is divided by is not much larger.
+        prop_assert!((value.unwrap() - want).abs() < 3e-6, "{value:?}, want {want}");
         assert_close(&gradient, &want_gradient, 1e-4);
     }
 
