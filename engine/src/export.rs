@@ -134,7 +134,7 @@ mod tests {
         let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
         let (camera, role) = ("front".to_owned(), Role::Input);
         let view =
-            View { frame: 3, camera, role, pinhole, image, labels: None, depth_map: None, depth_samples: Vec::new() };
+            View { frame: 3, camera, role, pinhole, image, labels: None, response: None, depth_map: None, depth_samples: Vec::new() };
         let stop = stop(&view);
         assert_eq!((stop.name.as_str(), stop.time), ("frame 3 front", 0.5));
         let want = [0.0, 0.0, 1.0, 7.0, -1.0, 0.0, 0.0, 2.0, 0.0, -1.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];

@@ -14,6 +14,8 @@ pub mod points;
 
 pub mod gaussians;
 
+pub mod photometry;
+
 pub mod network;
 
 pub mod predict;

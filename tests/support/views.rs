@@ -57,6 +57,7 @@ fn view_of(picture: &RgbImage) -> View {
         pinhole,
         image: picture.clone(),
         labels: None,
+        response: None,
         depth_map: None,
         depth_samples: Vec::new(),
     }

@@ -19,7 +19,7 @@ pub fn copying(view: &View, inputs: &[View]) -> Option<f64> {
     let nearest = same.min_by_key(|input| (input.frame.abs_diff(view.frame), input.frame))?;
     let labels = view.labels.as_deref();
     let counts = |pixel: usize| labels.is_none_or(|labels| labels[pixel] != PixelLabel::Ignored);
-    psnr_where(&view.image.data, &nearest.image.data, counts)
+    psnr_where(&view.as_taken().image.data, &nearest.as_taken().image.data, counts)
 }
 
 #[cfg(test)]

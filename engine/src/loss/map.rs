@@ -183,6 +183,7 @@ impl Around {
             pinhole: view.pinhole,
             image: lgs_formats::image::RgbImage { width, height, data: Vec::with_capacity(3 * width * height) },
             labels: view.labels.as_ref().map(|labels| rows().flat_map(|row| labels[row].iter().copied()).collect()),
+            response: None,
             depth_map: None,
             depth_samples: Vec::new(),
         };

@@ -1,5 +1,7 @@
 //! A scene's views and their figures.
 
+use std::borrow::Cow;
+
 use lgs_formats::clip::Clip;
 use rayon::prelude::*;
 
@@ -72,10 +74,14 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     stages.iter().for_each(|&stage| watch.progress.begin(stage, views.len()));
     let mut kept = Vec::with_capacity(views.len());
     for batch in views.chunks(BATCH) {
+        let taken: Vec<Cow<'_, View>> = batch.iter().map(|view| view.as_taken()).collect();
         let (rendered, scores): (Vec<Rendered>, Vec<Option<Rendered>>) = watch.time(Stage::Render, |progress| {
             let draw = |view: &&View| {
                 let pinhole = pinhole(view, figures);
-                let rendered = render(drawing.scene, &pinhole, BEHIND);
+                let mut rendered = render(drawing.scene, &pinhole, BEHIND);
+                if let Some(response) = view.response {
+                    response.show(&mut rendered.rgb, &pinhole);
+                }
                 let scored = drawing.scores.filter(|_| view.role == Role::Input);
                 let scores = scored.map(|splats| render(splats, &pinhole, BEHIND));
                 progress.step(Stage::Render);
@@ -84,14 +90,14 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
             batch.iter().map(draw).unzip()
         });
         let measured: Vec<Option<ViewFigures>> = watch.time(Stage::Evaluate, |progress| {
-            let measure = |(view, rendered): (&&View, &Rendered)| {
+            let measure = |(view, rendered): (&Cow<'_, View>, &Rendered)| {
                 let measured = measure(view, rendered, figures);
                 progress.step(Stage::Evaluate);
                 measured
             };
-            batch.par_iter().zip(&rendered).map(measure).collect::<Result<_>>()
+            taken.par_iter().zip(&rendered).map(measure).collect::<Result<_>>()
         })?;
-        let all = batch.par_iter().zip(&rendered).zip(&scores).zip(&measured);
+        let all = taken.par_iter().zip(&rendered).zip(&scores).zip(&measured);
         let new = all.map(|(((view, rendered), scores), figures)| {
             keep(RenderedView { view, rendered, scores: scores.as_ref(), figures: figures.as_ref() })
         });

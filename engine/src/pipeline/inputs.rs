@@ -5,6 +5,7 @@ use lgs_formats::clip_dir::ClipDir;
 use crate::{
     error::{EngineError, Result},
     gaussians::motion::{self, Motion, Movement, MovingBox},
+    photometry::Photometry,
     points::{self, PointCloud, Turn},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
@@ -17,6 +18,7 @@ pub struct Inputs<'a> {
     frame: ClipFrame,
     views: Vec<View>,
     motion: Motion,
+    photometry: Photometry,
 }
 
 impl<'a> Inputs<'a> {
@@ -28,7 +30,7 @@ impl<'a> Inputs<'a> {
         let allowed = |view: &View| view.role == Role::Input && frames.input.contains(&view.frame);
         match views.iter().find(|view| !allowed(view)) {
             Some(view) => Err(EngineError::Leak { frame: view.frame }),
-            None => Ok(Self { dir, frames: frames.input.clone(), frame, views, motion: Motion::default() }),
+            None => Ok(Self { dir, frames: frames.input.clone(), frame, views, motion: Motion::default(), photometry: Photometry::none() }),
         }
     }
 
@@ -36,6 +38,19 @@ impl<'a> Inputs<'a> {
     #[must_use]
     pub fn with_motion(self, motion: Motion) -> Self {
         Self { motion, ..self }
+    }
+
+    /// The same with images of common colours, as far as their cameras disagree: those of the camera `reference`, or of the first.
+    #[must_use]
+    pub fn with_common_colours(mut self, reference: Option<&str>) -> Self {
+        self.photometry = Photometry::estimate(&self.views, reference);
+        self.photometry.apply(&mut self.views);
+        self
+    }
+
+    /// How the cameras show the colours of the scene.
+    pub const fn photometry(&self) -> &Photometry {
+        &self.photometry
     }
 
     /// Where the initial velocities come from.

@@ -42,6 +42,7 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
         role: image.role,
         pinhole,
         image: loaded.rgb,
+        response: None,
         labels: loaded.labels,
         depth_map,
         depth_samples: depth_samples(&pinhole, &points)?,

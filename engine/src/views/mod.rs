@@ -5,6 +5,7 @@ mod load;
 mod path;
 mod pinhole;
 pub(crate) mod reduced;
+mod response;
 #[cfg(test)]
 pub(crate) mod samples;
 mod selection;
@@ -16,6 +17,8 @@ pub use clip_frame::ClipFrame;
 pub use load::load_views;
 pub use path::{between, keys_of_camera, path_views};
 pub use pinhole::{NEAR, PinholeView, Projected};
+pub use response::Response;
+pub(crate) use response::off_axis;
 pub use selection::{SelectedFrames, Selection};
 pub use shrink::at_factor;
 
@@ -48,8 +51,10 @@ pub struct View {
     pub role: Role,
     /// Camera at its own timestamp.
     pub pinhole: PinholeView,
-    /// The true image.
+    /// The image: as the camera took it, or of common colours where there is a response.
     pub image: RgbImage,
+    /// How the camera shows the common colours of `image`; `None` where these are its own.
+    pub response: Option<Response>,
     /// `[H, W]` labels from the clip's mask and the lens; `None` when every pixel is valid and no mask was given.
     pub labels: Option<Vec<PixelLabel>>,
     /// `[H, W]` the clip's depth map of an input view, where it has one.

@@ -24,6 +24,7 @@ pub(crate) fn seen(pinhole: PinholeView, data: Vec<f32>) -> View {
         frame: 0,
         camera: "front".to_owned(),
         role: Role::Input,
+        response: None,
         image: RgbImage { width: pinhole.width, height: pinhole.height, data },
         pinhole,
         labels: None,

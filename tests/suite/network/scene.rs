@@ -54,6 +54,7 @@ pub(super) fn view(random: &mut Random) -> View {
         pinhole,
         image,
         labels: None,
+        response: None,
         depth_map: None,
         depth_samples,
     }

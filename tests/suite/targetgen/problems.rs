@@ -73,6 +73,7 @@ pub(crate) fn view(pinhole: PinholeView, data: Vec<f32>, depth_samples: Vec<Dept
         pinhole,
         image,
         labels: None,
+        response: None,
         depth_map: None,
         depth_samples,
     }

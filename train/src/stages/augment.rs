@@ -183,6 +183,7 @@ mod tests {
             pinhole,
             image: RgbImage { width, height, data },
             labels: Some(labels.collect()),
+            response: None,
             depth_map: Some(DepthMap {
                 kind: DepthKind::Metric,
                 inverse: (0..width * height).map(|i| i as f32).collect(),

@@ -61,7 +61,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     check_memory(&dir, &job.selection, Flags::default())?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let inputs = inputs.with_motion(args.motion);
+    let inputs = inputs.with_motion(args.motion).with_common_colours(None);
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -193,7 +193,8 @@ impl<'a> Job<'a> {
         if self.args.views == ViewsArg::None {
             return Ok(Vec::new());
         }
-        let held_out = self.load(Role::HeldOut, watch)?;
+        let mut held_out = self.load(Role::HeldOut, watch)?;
+        inputs.photometry().apply(&mut held_out);
         let seen = if self.args.views == ViewsArg::All { inputs.views() } else { &[] };
         let figures = self.args.at_time.map_or_else(|| self.figures(), Figures::AtTime);
         let mut views: Vec<&View> = held_out.iter().chain(seen).collect();

@@ -1,0 +1,112 @@
+//! How a camera shows colours, so that several cameras can speak of the same ones.
+
+use std::borrow::Cow;
+
+use lgs_formats::image::RgbImage;
+use rayon::prelude::*;
+
+use serde::Serialize;
+
+use super::{PinholeView, View};
+
+/// Least colour that a power is taken of: half a step of eight bits.
+const DARKEST: f32 = 0.5 / 255.0;
+
+/// How an image shows common colours: gain, tone and vignetting.
+///
+/// # Formula
+/// `shown = min(1, (gain * exp(-v1 t - v2 t^2) * common)^tone)`, channel by channel, where `t` is the squared tangent of the angle
+/// between a pixel's ray and the camera's axis.
+///
+/// # Source
+/// Gain and tone by channel as in the photometric calibration of panoramas (Kim and Pollefeys, "Robust radiometric calibration and
+/// vignetting correction", 2008), with a power for the tone and an even polynomial for the vignetting.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Response {
+    /// `[red, green, blue]`
+    pub gain: [f32; 3],
+    /// Exponent.
+    pub tone: f32,
+    /// `[v1, v2]`
+    pub vignetting: [f32; 2],
+}
+
+impl Response {
+    /// Shows common colours as they are.
+    pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2] };
+
+    /// The common colours of an image, in its place. What the camera clips is as bright as it can show.
+    ///
+    /// # Shapes
+    /// `rgb` `[H, W, 3]`.
+    pub(crate) fn to_common(self, rgb: &mut [f32], pinhole: &PinholeView) {
+        let power = 1.0 / self.tone;
+        self.each(rgb, pinhole, |value, gain| {
+            let straight = if power == 1.0 { value } else { curved(value, power) };
+            straight / gain
+        });
+    }
+
+    /// Common colours as the camera shows them, in their place.
+    ///
+    /// # Shapes
+    /// `rgb` `[H, W, 3]`.
+    pub fn show(self, rgb: &mut [f32], pinhole: &PinholeView) {
+        self.each(rgb, pinhole, |value, gain| {
+            let straight = (value * gain).max(0.0);
+            let shown = if self.tone == 1.0 { straight } else { curved(straight, self.tone) };
+            shown.min(1.0)
+        });
+    }
+
+    fn each(self, rgb: &mut [f32], pinhole: &PinholeView, change: impl Fn(f32, f32) -> f32 + Sync) {
+        rgb.par_chunks_mut(3 * pinhole.width).enumerate().for_each(|(row, pixels)| {
+            for (column, pixel) in pixels.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                let vignette = self.vignette(off_axis(pinhole, column as f32 + 0.5, row as f32 + 0.5));
+                for (value, gain) in pixel.iter_mut().zip(self.gain) {
+                    *value = change(*value, gain * vignette);
+                }
+            }
+        });
+    }
+
+    fn vignette(self, off_axis: f32) -> f32 {
+        let [first, second] = self.vignetting;
+        if first == 0.0 && second == 0.0 { 1.0 } else { (-off_axis * (first + second * off_axis)).exp() }
+    }
+}
+
+/// `value` to a power; straight below the darkest colour that an image can tell from black, so that black stays black and slopes stay finite.
+fn curved(value: f32, power: f32) -> f32 {
+    if value >= DARKEST { value.powf(power) } else { value * DARKEST.powf(power - 1.0) }
+}
+
+/// The squared tangent of the angle between the ray of an image position (pixels) and the camera's axis.
+pub(crate) fn off_axis(pinhole: &PinholeView, u: f32, v: f32) -> f32 {
+    ((u - pinhole.cx) / pinhole.fx).powi(2) + ((v - pinhole.cy) / pinhole.fy).powi(2)
+}
+
+impl View {
+    /// The view with its image as the camera took it, for who compares with it: without a depth map.
+    pub fn as_taken(&self) -> Cow<'_, Self> {
+        let Some(response) = self.response else { return Cow::Borrowed(self) };
+        let mut data = self.image.data.clone();
+        response.show(&mut data, &self.pinhole);
+        let image = RgbImage { data, ..self.image };
+        Cow::Owned(Self {
+            image,
+            response: None,
+            camera: self.camera.clone(),
+            labels: self.labels.clone(),
+            depth_map: None,
+            depth_samples: self.depth_samples.clone(),
+            ..*self
+        })
+    }
+
+    /// Nothing: the image, as the camera took it, becomes one of common colours.
+    pub(crate) fn make_common(&mut self, response: Response) {
+        response.to_common(&mut self.image.data, &self.pinhole);
+        self.response = Some(response);
+    }
+}
