@@ -79,6 +79,15 @@ impl ClipDir {
         Ok(self)
     }
 
+    /// The same clip, its images taken as rectified, whatever it says of their lenses.
+    #[must_use]
+    pub fn without_distortion(mut self) -> Self {
+        for record in self.clip.frames.iter_mut().flat_map(|frame| &mut frame.cameras) {
+            record.camera.distortion = None;
+        }
+        self
+    }
+
     /// What `clip.json`, or the foreign layout, says.
     pub fn clip(&self) -> &Clip {
         &self.clip

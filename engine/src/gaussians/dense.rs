@@ -46,7 +46,7 @@ pub fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness
     }
     let mut fate = vec![Fate::Stays; set.len()];
     for view in views.iter().filter(|view| view.role == Role::Input) {
-        of_view(set, view, coarseness, &mut fate);
+        of_view(set, (view, &finer(view, views)), coarseness, &mut fate);
     }
     let kept: Vec<usize> = (0..set.len()).filter(|&i| !matches!(fate[i], Fate::Goes)).collect();
     for (i, fate) in fate.iter().enumerate() {
@@ -66,9 +66,17 @@ enum Fate {
     Becomes([f32; NUM_ATTRIBUTES], f32),
 }
 
-fn of_view(set: &GaussianSet, view: &View, coarseness: Coarseness, fate: &mut [Fate]) {
+/// The input views of the same frame that resolve finer.
+fn finer<'a>(view: &View, views: &'a [View]) -> Vec<&'a View> {
+    let finer = |other: &&View| {
+        other.role == Role::Input && other.frame == view.frame && other.pinhole.resolution() > view.pinhole.resolution()
+    };
+    views.iter().filter(finer).collect()
+}
+
+fn of_view(set: &GaussianSet, (view, finer): (&View, &[&View]), coarseness: Coarseness, fate: &mut [Fate]) {
     let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let all = seen_in(set, view, fate);
+    let all = seen_in(set, (view, finer), fate);
     let first = first_by_pixel(&all, view.pinhole.num_pixels());
     // A rectangle takes all returns of its pixels that are left, so that pixels are taken as a whole.
     let mut taken = vec![false; view.pinhole.num_pixels()];
@@ -105,15 +113,19 @@ fn of_view(set: &GaussianSet, view: &View, coarseness: Coarseness, fate: &mut [F
     }
 }
 
-/// The returns of a view's own frame that it shows and that are still what they were, by pixel.
-fn seen_in(set: &GaussianSet, view: &View, fate: &[Fate]) -> Vec<Seen> {
+/// The returns of a view's own frame that it shows, that no finer one does and that are still what they were, by pixel.
+fn seen_in(set: &GaussianSet, (view, finer): (&View, &[&View]), fate: &[Fate]) -> Vec<Seen> {
     let seen = |index: usize| {
         let own = u32::try_from(view.frame).is_ok_and(|frame| frame == set.frames[index]);
         if !own || !matches!(fate[index], Fate::Stays) {
             return None;
         }
         let (row, elapsed) = (&set.attributes[index], view.pinhole.time - set.times[index]);
-        let at = view.pinhole.project([0, 1, 2].map(|k| row[MEAN.start + k] + set.velocities[index][k] * elapsed))?;
+        let place = [0, 1, 2].map(|k| row[MEAN.start + k] + set.velocities[index][k] * elapsed);
+        let at = view.pinhole.project(place)?;
+        if finer.iter().any(|finer| finer.pinhole.project(place).is_some()) {
+            return None;
+        }
         let colour = [0, 1, 2].map(|k| sigmoid(row[LOGIT_COLOUR.start + k]));
         Some(Seen { index, at, pixel: at.pixel(view.pinhole.width), colour })
     };

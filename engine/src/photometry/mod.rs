@@ -5,11 +5,14 @@
 //! are brought to common colours on the way in, and what is drawn is shown through the response of its camera on the way out.
 
 mod fit;
+mod lenses;
 mod observations;
 
 use serde::Serialize;
 
 use crate::views::{Response, View, to_f32};
+
+pub use lenses::{LensFinding, with_fitting_lenses};
 
 use fit::{Shown, fit};
 use observations::observe;

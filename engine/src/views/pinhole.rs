@@ -41,6 +41,12 @@ impl PinholeView {
         self.width * self.height
     }
 
+    /// How fine the image is: half octaves of its focal length. Cameras that differ by less resolve alike.
+    #[expect(clippy::cast_possible_truncation, reason = "a focal length of f32 has some 500 half octaves")]
+    pub(crate) fn resolution(&self) -> i32 {
+        (2.0 * self.fx.log2()).round() as i32
+    }
+
     /// A point of the clip frame in the camera's axes, metres.
     pub fn to_camera(&self, point: [f32; 3]) -> [f32; 3] {
         self.camera_from_clip.map(|row| row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3])

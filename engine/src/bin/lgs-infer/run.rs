@@ -17,6 +17,7 @@ use lgs_engine::{
         Drawing, Figures, Flags, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin,
         check_memory, evaluate_views, optimise,
     },
+    photometry::with_fitting_lenses,
     plan::Recipe,
     refine::Turns,
     report::{
@@ -57,7 +58,9 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
-    let job = Job::new(args, &dir)?;
+    let selection = selection(args, &dir)?;
+    let (dir, lenses) = watch.time(Stage::Load, |_| with_fitting_lenses(dir, &selection))?;
+    let job = Job::new(args, &dir, selection)?;
     check_memory(&dir, &job.selection, Flags::default())?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
@@ -127,7 +130,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
     let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
     let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
-    Ok(Outcome { text, notes: maps.into_iter().chain(turn).collect(), has_findings: false })
+    let lenses = lenses.map(|found| format!("lenses: {}", found.in_words()));
+    Ok(Outcome { text, notes: maps.into_iter().chain(turn).chain(lenses).collect(), has_findings: false })
 }
 
 /// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.
@@ -142,6 +146,13 @@ fn exports(args: &Args, views: &[View]) -> Result<Exports> {
         num_files(span, rate).map_err(|expected| anyhow!("--sequence: expected {expected}, found {rate}"))?;
     }
     Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
+}
+
+/// The cameras, frames and size that are asked for.
+fn selection(args: &Args, dir: &ClipDir) -> Result<Selection> {
+    let frames = args.frames.as_ref().map(|list| list.0.clone());
+    let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
+    Ok(Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size })
 }
 
 /// The settings of a run, checked against its clip.
@@ -163,10 +174,7 @@ struct PerceptualDistance {
 }
 
 impl<'a> Job<'a> {
-    fn new(args: &'a Args, dir: &'a ClipDir) -> Result<Self> {
-        let frames = args.frames.as_ref().map(|list| list.0.clone());
-        let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
-        let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
+    fn new(args: &'a Args, dir: &'a ClipDir, selection: Selection) -> Result<Self> {
         let frames = selection.frames(dir.clip())?;
         let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
         let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;

@@ -64,11 +64,19 @@ impl Grid {
     fn doubled(&mut self, factor: f32) -> Self {
         let rows = self.cells.len() / self.columns.max(1);
         let (columns, rows) = (self.columns / 2, rows / 2);
+        let (before, self_columns) = (self.cells.clone(), self.columns);
+        // What is drawn that wide reaches into the blocks around: nothing farther may be there, nor may the image end.
+        let reaches_past = |i: usize, farthest: f32| {
+            let (row, column) = (2 * (i / columns), 2 * (i % columns));
+            let inside = row > 0 && column > 0 && (row + 2) < before.len() / self_columns && column + 2 < self_columns;
+            let cell = |k: usize| before[(row + k / 4 - 1) * self_columns + column + k % 4 - 1];
+            !inside || (0..16).any(|k| cell(k).is_none_or(|other| (1.0 + factor * SAME_DEPTH) * other.farthest < farthest))
+        };
         let of_four = |i: usize| {
             let corner = i / columns * 2 * self.columns + i % columns * 2;
             let places = [corner, corner + 1, corner + self.columns, corner + self.columns + 1];
             let [Some(a), Some(b), Some(c), Some(d)] = places.map(|place| self.cells[place]) else { return None };
-            let joined = joined([a, b, c, d], factor)?;
+            let joined = joined([a, b, c, d], factor).filter(|joined| !reaches_past(i, joined.farthest))?;
             places.iter().for_each(|&place| self.cells[place] = None);
             Some(joined)
         };

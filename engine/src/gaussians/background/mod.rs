@@ -10,6 +10,8 @@ mod maps;
 mod moving;
 mod sky;
 
+use std::cmp::Reverse;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -193,12 +195,13 @@ fn slant(view: &PinholeView, pixel: usize) -> f32 {
     (1.0 + x * x + y * y).sqrt()
 }
 
-/// The input views by the distance of their frame from the mean of their frames; those of the same distance in their order.
+/// The input views, those that resolve finest first, by the distance of their frame from the mean of their frames; those of the same
+/// distance in their order.
 fn from_the_middle(views: &[View]) -> Vec<&View> {
     let mut inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
     let (sum, count) = (inputs.iter().map(|view| view.frame).sum::<usize>(), inputs.len());
     // Times the count, so that all stays whole.
-    inputs.sort_by_key(|view| (view.frame * count).abs_diff(sum));
+    inputs.sort_by_key(|view| (Reverse(view.pinhole.resolution()), (view.frame * count).abs_diff(sum)));
     inputs
 }
 
