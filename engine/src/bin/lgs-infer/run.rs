@@ -25,7 +25,14 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, program::Outcome, viewer};
+use lgs_formats::{
+    clip_dir::{ClipDir, Needed},
+    digest::sha256,
+    exports::num_files,
+    importers,
+    program::Outcome,
+    viewer,
+};
 
 use crate::{
     args::{Args, ViewsArg, word},
@@ -55,7 +62,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
-    let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
+    let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let job = Job::new(args, &dir)?;
     check_memory(&dir, &job.selection, Flags::default())?;
@@ -128,6 +135,11 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
     let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
     Ok(Outcome { text, notes: maps.into_iter().chain(turn).collect(), has_findings: false })
+}
+
+/// What of the clip's files the run reads.
+fn needed(args: &Args) -> Needed {
+    Needed { frames: args.frames.as_ref().map(|list| list.0.clone()), cameras: args.cameras.clone() }
 }
 
 /// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.

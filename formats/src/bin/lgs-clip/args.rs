@@ -45,7 +45,8 @@ pub(crate) struct Import {
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) cameras: Option<Vec<String>>,
 
-    /// Name of the scene, where the folder holds several (nuScenes) [default: the only one]
+    /// Name of the scene, where the folder holds several (nuScenes); `VERSION/NAME` takes it from the tables of that version [default:
+    /// the only one]
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
 
