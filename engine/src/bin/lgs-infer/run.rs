@@ -30,6 +30,7 @@ use lgs_formats::{
     digest::sha256,
     exports::num_files,
     importers,
+    ply::Higher,
     program::Outcome,
     viewer,
 };
@@ -146,7 +147,8 @@ fn needed(args: &Args) -> Needed {
 fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     let times = || views.iter().map(|view| view.pinhole.time);
     let span = [times().reduce(f32::min), times().reduce(f32::max)].map(|moment| moment.unwrap_or(0.0));
-    let Args { plain, sequence, stg, spz, .. } = *args;
+    let Args { plain, f_rest, sequence, stg, spz, .. } = *args;
+    let plain = if f_rest { Some(Higher::Zeros) } else { plain.then_some(Higher::None) };
     if stg && span[0] >= span[1] {
         bail!("--stg: expected input images of more than one moment, found {} s only", span[0]);
     }

@@ -55,7 +55,7 @@ pub(crate) struct Import {
     #[arg(long, value_name = "DIR")]
     pub(crate) masks: Option<PathBuf>,
 
-    /// Folder of depth maps, `FRAME_CAMERA.png` (16-bit grey) or `.npy` (f32), named as the clip's images are: `0000_CAMERA.png`
+    /// Folder of depth maps, `FRAME_CAMERA.png` (16-bit grey) or `.npy` (f32, f64), named as the clip's images are: `0000_CAMERA.png`
     /// [default: none]
     #[arg(long, value_name = "DIR", requires = "depth_kind")]
     pub(crate) depth: Option<PathBuf>,

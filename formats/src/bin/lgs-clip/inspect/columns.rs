@@ -73,6 +73,7 @@ mod tests {
     use super::*;
 
     /// Rows of a ring after the other on flat ground and a wall, `width` values each, read as four.
+    #[expect(clippy::cast_possible_truncation, reason = "metres of a made sweep")]
     fn read_as_four(width: usize) -> Option<usize> {
         let row = |k: u32| {
             let (angle, ring) = (f64::from(k) * 0.007, k / 900);

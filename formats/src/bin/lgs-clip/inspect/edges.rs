@@ -99,6 +99,7 @@ fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 }
 
 /// `[H, W]` how much more of an edge to the side a pixel shows than its surroundings do, about -1 to 1; NaN where the mask hides it.
+#[expect(clippy::cast_possible_truncation, reason = "at most 1")]
 pub(super) fn of_image(image: &LoadedImage) -> Vec<f32> {
     let (width, height) = (image.rgb.width, image.rgb.height);
     let grey: Vec<f32> =
@@ -130,7 +131,11 @@ pub(super) fn of_image(image: &LoadedImage) -> Vec<f32> {
 }
 
 /// Takes the mean of the surroundings from every value of a row.
-#[expect(clippy::cast_precision_loss, reason = "numbers of pixels")]
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    reason = "numbers of pixels, means of values up to 1"
+)]
 fn subtract_surroundings(line: &mut [f32]) {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(line.iter().scan(0.0, |sum, &value| {

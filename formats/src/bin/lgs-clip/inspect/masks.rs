@@ -16,16 +16,14 @@ pub(super) fn warnings(dir: &ClipDir) -> Result<Vec<String>> {
     let mut found: BTreeMap<String, String> = BTreeMap::new();
     let mut seen: BTreeSet<&Path> = BTreeSet::new();
     for record in dir.clip().frames.iter().flat_map(|frame| &frame.cameras) {
+        let name = &record.camera.name;
         let Some(file) = record.mask.as_deref().filter(|file| seen.insert(file)) else { continue };
-        if let (Some(counts), false) =
-            (image::mask_values(dir.root(), record)?, found.contains_key(&record.camera.name))
-        {
-            if let Some(words) = words(&counts) {
-                found.insert(
-                    record.camera.name.clone(),
-                    format!("{}: mask `{}` {words}", record.camera.name, file.display()),
-                );
-            }
+        if found.contains_key(name) {
+            continue;
+        }
+        let counts = image::mask_values(dir.root(), record)?;
+        if let Some(words) = counts.as_ref().and_then(words) {
+            found.insert(name.clone(), format!("{name}: mask `{}` {words}", file.display()));
         }
     }
     Ok(found.into_values().collect())

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use lgs_formats::clip::Clip;
 
-/// Usual times between sweeps, seconds: LiDARs turn 5 to 20 times a second, data sets keep one sweep a second at least.
+/// Usual times between sweeps, seconds: scanners turn 5 to 20 times a second, data sets keep one sweep a second at least.
 const USUAL_GAPS: std::ops::RangeInclusive<f64> = 0.005..=8.0;
 /// Widest view of a pinhole that is one, degrees.
 const MAX_VIEW_DEG: f64 = 150.0;
