@@ -6,7 +6,9 @@ mod hostile;
 mod inspect;
 mod partial;
 mod real;
+mod small;
 mod unusual;
+mod wrong;
 
 use libtest_mimic::Trial;
 
@@ -18,7 +20,9 @@ pub(crate) fn cases() -> Vec<Trial> {
         hostile::cases(),
         inspect::cases(),
         partial::cases(),
+        small::cases(),
         unusual::cases(),
+        wrong::cases(),
     ]
     .into_iter()
     .flatten()

@@ -14,10 +14,10 @@ const MAX_HIDDEN: f64 = 0.95;
 /// One sentence for each camera whose masks hide nearly everything or have other values than the format's.
 pub(super) fn warnings(dir: &ClipDir) -> Result<Vec<String>> {
     let mut found: BTreeMap<String, String> = BTreeMap::new();
-    let mut seen: BTreeSet<&Path> = BTreeSet::new();
+    let mut seen: BTreeSet<(&str, &Path)> = BTreeSet::new();
     for record in dir.clip().frames.iter().flat_map(|frame| &frame.cameras) {
         let name = &record.camera.name;
-        let Some(file) = record.mask.as_deref().filter(|file| seen.insert(file)) else { continue };
+        let Some(file) = record.mask.as_deref().filter(|file| seen.insert((name, file))) else { continue };
         if found.contains_key(name) {
             continue;
         }
