@@ -90,7 +90,7 @@ struct Parser<'a> {
 /// Anything that the layout in [`crate::ply`] does not allow, by its line (1 is the first).
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Header> {
     if !bytes.starts_with(b"ply") {
-        return Err(FormatError::invalid(file, "header line 1", "`ply`: a PLY file", kind(bytes)));
+        return Err(FormatError::invalid(file, "header line 1", "`ply`", kind(bytes)));
     }
     let text = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let mut parser = Parser { file, line: 0, element: Element::None, count: None, properties: Vec::new(), stride: 0 };
