@@ -104,7 +104,7 @@ pub struct CameraRecord {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DepthRecord {
     /// File of a value for each pixel of the image file, relative to the clip directory: a 16-bit grey PNG, or a numpy array
-    /// (`.npy`) of f32 `[height, width]`.
+    /// (`.npy`) of floating-point numbers `[height, width]`.
     pub file: PathBuf,
     /// What the values say.
     pub kind: DepthKind,

@@ -32,6 +32,27 @@ pub(crate) trait SweepDecoder: Debug + Send + Sync {
     fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep>;
 }
 
+/// Which files of a clip somebody needs; the default is all of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Needed {
+    /// Indices of frames.
+    pub frames: Option<Vec<usize>>,
+    /// Names of cameras.
+    pub cameras: Option<Vec<String>>,
+}
+
+impl Needed {
+    /// Whether files of this frame are needed.
+    pub fn frame(&self, index: usize) -> bool {
+        self.frames.as_ref().is_none_or(|frames| frames.contains(&index))
+    }
+
+    /// Whether files of this camera are needed.
+    pub fn camera(&self, name: &str) -> bool {
+        self.cameras.as_ref().is_none_or(|cameras| cameras.iter().any(|camera| camera == name))
+    }
+}
+
 /// A clip directory, or a folder of a foreign layout that is read as one (see [`crate::importers`]), whose description
 /// was checked and whose files were there, images and native sweeps of the right size, when it was opened.
 #[derive(Clone, Debug)]
@@ -51,28 +72,37 @@ impl ClipDir {
     /// A `clip.json` that is missing or not as `lgs-clip/1` asks, a file that it names and that is missing, a sweep
     /// without points or with half a point, a file of another number of returns than its sweep, an image or mask of another size than declared.
     pub fn open(root: &Path) -> Result<Self> {
+        Self::open_part(root, &Needed::default())
+    }
+
+    /// As [`ClipDir::open`], but files that are not needed may be missing or damaged. Frames keep their indices.
+    ///
+    /// # Errors
+    /// Those of [`ClipDir::open`] for what is needed.
+    pub fn open_part(root: &Path, needed: &Needed) -> Result<Self> {
         let file = root.join(CLIP_FILE);
         let clip = clip_json::parse(&file, &read_file(&file, MAX_CLIP_BYTES)?)?;
-        Self { root: root.to_owned(), described_in: file, clip, decoder: None }.checked()
+        Self { root: root.to_owned(), described_in: file, clip, decoder: None }.checked(needed)
     }
 
     /// The clip that an importer found in the folder `root`.
     ///
     /// # Errors
-    /// A clip that `clip.json` could not say, a file that is missing, an image of another size than declared.
-    pub(crate) fn foreign(root: &Path, clip: &Clip, decoder: Arc<dyn SweepDecoder>) -> Result<Self> {
+    /// A clip that `clip.json` could not say; of what is needed, a file that is missing, an image of another size than declared.
+    pub(crate) fn foreign(root: &Path, clip: &Clip, decoder: Arc<dyn SweepDecoder>, needed: &Needed) -> Result<Self> {
         let clip = clip_json::checked(root, clip)?;
-        Self { root: root.to_owned(), described_in: root.to_owned(), clip, decoder: Some(decoder) }.checked()
+        Self { root: root.to_owned(), described_in: root.to_owned(), clip, decoder: Some(decoder) }.checked(needed)
     }
 
-    fn checked(self) -> Result<Self> {
-        for (f, frame) in self.clip.frames.iter().enumerate() {
+    fn checked(self, needed: &Needed) -> Result<Self> {
+        for (f, frame) in self.clip.frames.iter().enumerate().filter(|(f, _)| needed.frame(*f)) {
             let at = format!("frames[{f}]");
             let path = self.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
             if self.decoder.is_none() {
                 self.check_returns(&at, sweep::count_returns(&path)?, &frame.lidar.returns)?;
             }
-            for (c, record) in frame.cameras.iter().enumerate() {
+            let cameras = frame.cameras.iter().enumerate();
+            for (c, record) in cameras.filter(|(_, record)| needed.camera(&record.camera.name)) {
                 self.check_camera(&format!("{at}.cameras[{c}]"), record)?;
             }
         }

@@ -9,7 +9,7 @@ use lgs_engine::pipeline::{Flags, Inputs, Silent, Watch, check_memory, reconstru
 use lgs_engine::predict::{backbone, predict, query};
 use lgs_engine::render::{Pass, Probes};
 use lgs_engine::views::{ClipFrame, Role, Selection, View, load_views};
-use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::clip_dir::{ClipDir, Needed};
 use lgs_formats::image::ImageSize;
 use lgs_formats::targets::{HalfFeatures, TargetsConfig};
 
@@ -31,7 +31,8 @@ pub struct PredictedScene {
 /// # Errors
 /// Whatever is wrong with the clip, features that are asked for without a model, and more work than there is memory for.
 pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedModel>) -> Result<PredictedScene> {
-    let dir = ClipDir::open(clip).map_err(TargetError::Format)?;
+    let needed = Needed { frames: None, cameras: config.cameras.clone() };
+    let dir = ClipDir::open_part(clip, &needed).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
     let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
     check_memory(&dir, &selection, Flags { images: "--image-size", returns: "CLIPS" })?;

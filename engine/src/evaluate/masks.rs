@@ -12,6 +12,8 @@ use crate::views::{self, ClipFrame, PinholeView, View};
 
 /// A track moves when it is faster than this, metres a second.
 const MOVING_SPEED: f64 = 1.0;
+/// A box that holds the camera, or would if it were this much larger on every side, is the own vehicle, metres.
+const OWN_MARGIN: f64 = 0.5;
 /// Parts of a box nearer to the camera's plane than this are cut off, metres.
 const NEAR: f64 = views::NEAR as f64;
 
@@ -19,7 +21,8 @@ const NEAR: f64 = views::NEAR as f64;
 /// neither tracked boxes nor a mask for this camera.
 ///
 /// A pixel is dynamic when its centre lies in the projection (the convex hull of the corners) of a box whose track is faster
-/// than 1 m/s, or when the mask says so. Nothing is subtracted for what stands in front of a box.
+/// than 1 m/s, or when the mask says so. Nothing is subtracted for what stands in front of a box. A box around the camera itself is that
+/// of the own vehicle and says nothing of what the camera sees.
 ///
 /// Boxes are given at the moment of the LiDAR; each is carried to the view's own moment with its track's velocity: the
 /// difference of its positions in the neighbouring frames of the track, by their timestamps. A track of a single frame has
@@ -34,11 +37,15 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
     let pinhole = &view.pinhole;
     let mut mask = vec![false; pinhole.width * pinhole.height];
     let camera_from_world = camera_from_clip(pinhole) * frame.clip_from_world;
+    let eye = camera_from_world.inverse().translation();
     let seconds = frame.time_zero + f64::from(pinhole.time) - record.lidar.timestamp;
     for tracked in record.boxes.iter().flatten() {
         let Some(velocity) = track_velocity(clip, view.frame, tracked).filter(|v| v.length() > MOVING_SPEED) else {
             continue;
         };
+        if is_around(tracked, eye - velocity * seconds) {
+            continue;
+        }
         let corners = box_corners(tracked).map(|c| camera_from_world.transform_point(c + velocity * seconds));
         mark_convex(&convex_hull(&project(&corners, pinhole)), pinhole.width, &mut mask);
     }
@@ -61,6 +68,12 @@ fn track_velocity(clip: &Clip, frame: usize, tracked: &TrackedBox) -> Option<DVe
     let after = (frame + 1..clip.frames.len()).find_map(at).unwrap_or(here);
     let seconds = after.0 - before.0;
     (seconds > 0.0).then(|| (after.1 - before.1) / seconds)
+}
+
+/// Whether a place in the world lies in a box or within [`OWN_MARGIN`] of it.
+fn is_around(tracked: &TrackedBox, place: DVec3) -> bool {
+    let inside = tracked.world_from_box.inverse().transform_point(place).abs();
+    inside.cmple(DVec3::from(tracked.size) / 2.0 + OWN_MARGIN).all()
 }
 
 /// The eight corners of a box in the world, metres; bit 0, 1, 2 of the index: front, left, top.

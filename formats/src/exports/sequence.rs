@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::{
     cloud::SplatCloud,
     error::{FormatError, Result},
-    ply::write_plain_ply,
+    ply::{Higher, write_plain_ply},
 };
 
 /// Largest number of files: a duration times a rate may ask for more than a disk holds.
@@ -22,7 +22,7 @@ pub fn write_sequence(directory: &Path, cloud: &SplatCloud, span: [f32; 2], rate
     std::fs::create_dir_all(directory).map_err(|e| FormatError::io(directory, "make", e))?;
     for index in 0..count {
         let moment = f64::from(span[0]) + f64::from(index) / f64::from(rate);
-        write_plain_ply(&directory.join(format!("{index:05}.ply")), &cloud.at(to_f32(moment)))?;
+        write_plain_ply(&directory.join(format!("{index:05}.ply")), &cloud.at(to_f32(moment)), Higher::None)?;
     }
     Ok(count)
 }

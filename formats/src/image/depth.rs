@@ -36,7 +36,7 @@ pub struct DepthMap {
 /// Nothing, when the header of the depth map `path` says the size that `camera` declares.
 ///
 /// # Errors
-/// A file that is neither PNG nor array of f32, one of another size, an array with more or fewer values than its header says.
+/// A file that is neither PNG nor array of floating-point numbers, one of another size, an array with more or fewer values than its header says.
 pub fn check_depth(path: &Path, camera: &Camera) -> Result<()> {
     let bytes = file_size(path, MAX_DATA_BYTES)?;
     let file = File::open(path).map_err(|e| FormatError::io(path, "read", e))?;
@@ -56,8 +56,9 @@ pub fn check_depth(path: &Path, camera: &Camera) -> Result<()> {
 }
 
 fn check_array(path: &Path, npy: &Npy<'_>, camera: &Camera) -> Result<()> {
-    if npy.element != Element::F32 {
-        return Err(FormatError::invalid(path, FIELD, "an array of f32 (`<f4`)", format!("{:?}", npy.element)));
+    if !matches!(npy.element, Element::F16 | Element::F32 | Element::F64) {
+        let expected = "an array of floating-point numbers (`<f4`, `<f8` or `<f2`)";
+        return Err(FormatError::invalid(path, FIELD, expected, format!("{:?}", npy.element)));
     }
     let [height, width] = [camera.height, camera.width].map(to_usize);
     if npy.shape == [height, width] {
@@ -123,7 +124,8 @@ fn read(path: &Path, camera: &Camera, kind: DepthKind) -> Result<Vec<f32>> {
     let bytes = read_file(path, MAX_DATA_BYTES)?;
     let npy = Npy::parse(path, FIELD, &bytes)?;
     check_array(path, &npy, camera)?;
-    let values = npy.data.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes));
+    #[expect(clippy::cast_possible_truncation, reason = "depths need no more than f32")]
+    let values = npy.element.floats(npy.data).into_iter().map(|value| value as f32);
     let of_value = |(pixel, value): (usize, f32)| match kind {
         DepthKind::Metric if value.is_nan() || value == 0.0 => Ok(f32::NAN),
         DepthKind::Metric if value >= MIN_DEPTH => Ok(1.0 / value),

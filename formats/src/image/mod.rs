@@ -140,6 +140,19 @@ pub(crate) fn check_mask(path: &Path, camera: &Camera) -> Result<()> {
     decode::grey8(path, camera).map(drop)
 }
 
+/// `[256]` how many pixels of a record's mask have each grey value; `None` when the record names none.
+///
+/// # Errors
+/// A mask that is missing, damaged, of another size, or not an 8-bit grey PNG.
+pub fn mask_values(root: &Path, record: &CameraRecord) -> Result<Option<[usize; 256]>> {
+    let Some(mask) = &record.mask else { return Ok(None) };
+    let mut counts = [0; 256];
+    for grey in decode::grey8(&root.join(mask), &record.camera)? {
+        counts[usize::from(grey)] += 1;
+    }
+    Ok(Some(counts))
+}
+
 /// The image of a record, rectified to the pinhole of the same intrinsics, then resized to `size` if given.
 ///
 /// Values are the encoded ones (no gamma is undone). Downward, a pixel is the mean of the area that it covers;

@@ -14,7 +14,7 @@ use std::{
 use glam::{DMat3, DVec3};
 
 use super::{
-    Source,
+    Selection, Source,
     feather::read_feather,
     folder_name,
     nearest::{Shot, image_of_each},
@@ -24,7 +24,7 @@ use super::{
 };
 use crate::{
     camera::{Camera, Intrinsics},
-    clip::{CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
     pose::Pose,
@@ -47,8 +47,13 @@ pub(super) fn is_of(folder: &Path) -> bool {
     folder.join(POSES).is_file() && folder.join(SWEEPS).is_dir()
 }
 
-/// The clip of a log.
-pub(super) fn read(folder: &Path) -> Result<Source> {
+/// Whether a folder holds some of a log.
+pub(super) fn resembles(folder: &Path) -> bool {
+    folder.join(POSES).is_file() || folder.join(MOUNTS).is_file() || folder.join(SWEEPS).is_dir()
+}
+
+/// The frames of a log.
+pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
     let mounts = mounts(&folder.join(MOUNTS))?;
     // Only the place: with the vehicle's axes x is forward.
     let origin = mounts.get(ORIGIN).map_or(DVec3::ZERO, |pose| pose.translation());
@@ -57,32 +62,33 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
     let mut boxes = boxes(&folder.join("annotations.feather"))?;
     let sweeps = numbered(&folder.join(SWEEPS), &[".feather"])?;
     let times: Vec<f64> = sweeps.iter().map(|sweep| seconds(sweep.number)).collect();
-    let mut frames = Vec::with_capacity(sweeps.len());
-    for sweep in &sweeps {
-        let timestamp = seconds(sweep.number);
+    let names = with_images(folder)?;
+    let sensors = sensors(folder, &mounts, names.iter().filter(|name| selection.camera(name)))?;
+    let images: Vec<Vec<Option<usize>>> = sensors.iter().map(|sensor| sensor.images(&times)).collect();
+    let frame = |(index, sweep): (usize, &Numbered)| {
+        let timestamp = times[index];
         let world_from_vehicle = trajectory.at(timestamp)?;
-        let of_frame = boxes.as_mut().map(|boxes| {
+        let boxes = boxes.as_mut().map(|boxes| {
             let mut found = boxes.remove(&sweep.number).unwrap_or_default();
             found.iter_mut().for_each(|b| b.world_from_box = world_from_vehicle * b.world_from_box);
             found
         });
         let file = Path::new(SWEEPS).join(&sweep.name);
         let lidar = LidarRecord::new(file, timestamp, world_from_vehicle * vehicle_from_lidar);
-        frames.push(Frame { lidar, cameras: Vec::new(), boxes: of_frame });
-    }
-    for sensor in sensors(folder, &mounts)? {
-        let shots: Vec<Shot> =
-            sensor.files.iter().enumerate().map(|(image, file)| Shot { image, time: seconds(file.number) }).collect();
-        for (frame, image) in frames.iter_mut().zip(image_of_each(&times, &shots, REACH)) {
-            if let Some(image) = image {
-                frame.cameras.push(sensor.record(&sensor.files[image], &trajectory)?);
-            }
-        }
-    }
+        let own = sensors.iter().zip(&images).filter_map(|(sensor, images)| Some((sensor, images[index]?)));
+        let cameras = own.map(|(sensor, image)| sensor.record(&sensor.files[image], &trajectory));
+        Ok(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes })
+    };
     let name = folder_name(folder);
-    let source = format!("Argoverse 2 sensor, log {name}");
-    let clip = Clip { name, source, licence: "CC BY-NC-SA 4.0 (Argoverse)".to_owned(), frames };
-    Ok(Source { root: folder.to_owned(), clip, decoder: Arc::new(Decoder { origin }) })
+    Ok(Source {
+        root: folder.to_owned(),
+        source: format!("Argoverse 2 sensor, log {name}"),
+        name,
+        licence: "CC BY-NC-SA 4.0 (Argoverse)".to_owned(),
+        frames: sweeps.iter().enumerate().map(frame).collect(),
+        cameras: names,
+        decoder: Arc::new(Decoder { origin }),
+    })
 }
 
 /// Seconds of a count of nanoseconds.
@@ -149,6 +155,12 @@ struct Sensor {
 }
 
 impl Sensor {
+    /// `[sweeps]` the image that belongs to each.
+    fn images(&self, sweeps: &[f64]) -> Vec<Option<usize>> {
+        let shot = |(image, file): (usize, &Numbered)| Shot { image, time: seconds(file.number) };
+        image_of_each(sweeps, &self.files.iter().enumerate().map(shot).collect::<Vec<_>>(), REACH)
+    }
+
     fn record(&self, file: &Numbered, trajectory: &Trajectory) -> Result<CameraRecord> {
         let timestamp = seconds(file.number);
         let [width, height] = self.size;
@@ -170,19 +182,35 @@ impl Sensor {
     }
 }
 
-/// The cameras that have images.
-fn sensors(folder: &Path, mounts: &BTreeMap<String, Pose>) -> Result<Vec<Sensor>> {
-    if !folder.join(CAMERAS).is_dir() {
+/// Names of the cameras that have images.
+fn with_images(folder: &Path) -> Result<Vec<String>> {
+    let place = folder.join(CAMERAS);
+    if !place.is_dir() {
+        return Ok(Vec::new());
+    }
+    let has_images = |name: &String| numbered(&place.join(name), &IMAGE_ENDINGS).is_ok_and(|files| !files.is_empty());
+    Ok(folders(&place)?.into_iter().filter(has_images).collect())
+}
+
+/// The cameras of these names.
+fn sensors<'a>(
+    folder: &Path,
+    mounts: &BTreeMap<String, Pose>,
+    names: impl Iterator<Item = &'a String>,
+) -> Result<Vec<Sensor>> {
+    let mut names = names.peekable();
+    if names.peek().is_none() {
         return Ok(Vec::new());
     }
     let file = folder.join(INTRINSICS);
     let table: Table = read_feather(&file)?;
     let rows = table.rows(["fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"])?;
-    let names = (0..table.len()).map(|row| table.text("sensor_name", row)).collect::<Result<Vec<_>>>()?;
-    let of_name = |name: String| {
-        let row = names.iter().position(|found| *found == name);
-        let (Some(row), Some(&vehicle_from_camera)) = (row, mounts.get(&name)) else {
-            return Err(FormatError::invalid(&file, "sensor_name", format!("`{name}`"), names.join(", ")));
+    let known = (0..table.len()).map(|row| table.text("sensor_name", row)).collect::<Result<Vec<_>>>()?;
+    let of_name = |name: &String| {
+        let row = known.iter().position(|found| found == name);
+        let (Some(row), Some(&vehicle_from_camera)) = (row, mounts.get(name)) else {
+            let found = format!("{}: `--cameras` can leave it out", known.join(", "));
+            return Err(FormatError::invalid(&file, "sensor_name", format!("`{name}`"), found));
         };
         let [fx, fy, cx, cy, width, height] = rows[row];
         let side = |value: f64, key: &str| {
@@ -191,14 +219,14 @@ fn sensors(folder: &Path, mounts: &BTreeMap<String, Pose>) -> Result<Vec<Sensor>
             })
         };
         Ok(Sensor {
-            files: numbered(&folder.join(CAMERAS).join(&name), &IMAGE_ENDINGS)?,
-            name,
+            files: numbered(&folder.join(CAMERAS).join(name), &IMAGE_ENDINGS)?,
+            name: name.clone(),
             intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
             size: [side(width, "width_px")?, side(height, "height_px")?],
             vehicle_from_camera,
         })
     };
-    folders(&folder.join(CAMERAS))?.into_iter().map(of_name).collect()
+    names.map(of_name).collect()
 }
 
 /// A whole number of pixels.

@@ -16,13 +16,13 @@ use std::{
 use scene::{AnnotationsJson, CalibrationJson, DatumJson, OntologyJson, PoseJson, SceneJson};
 
 use super::{
-    Source, folder_name,
+    Selection, Source, folder_name,
     npz::read_npz,
     values::{At, entries, inside, read_json},
 };
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
-    clip::{CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
     pose::Pose,
@@ -47,8 +47,15 @@ fn scene_file(folder: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The clip of a scene's folder.
-pub(super) fn read(folder: &Path) -> Result<Source> {
+/// Whether a folder holds some of a scene.
+pub(super) fn resembles(folder: &Path) -> bool {
+    let of_scene = |names: Vec<String>| names.iter().any(|name| name.starts_with("scene_"));
+    entries(folder, &[".json"]).is_ok_and(of_scene)
+        || ["point_cloud", "rgb", "calibration"].iter().filter(|name| folder.join(name).is_dir()).count() > 1
+}
+
+/// The frames of a scene's folder.
+pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
     let file = scene_file(folder)?;
     let scene: SceneJson = read_json(&file)?;
     let data: BTreeMap<&str, &DatumJson> = scene.data.iter().map(|datum| (datum.key.as_str(), datum)).collect();
@@ -57,16 +64,23 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
         file: &file,
         scene: &scene,
         data,
+        selection,
         categories: Reader::categories(folder, &file, &scene)?,
         calibrations: BTreeMap::new(),
         fields: BTreeMap::new(),
     };
-    let frames = (0..scene.samples.len()).map(|index| reader.frame(index)).collect::<Result<Vec<_>>>()?;
+    let frames = (0..scene.samples.len()).map(|index| reader.frame(index)).collect();
     let decoder = Arc::new(Decoder { fields: reader.fields });
-    let source = format!("DGP scene {}", if scene.name.is_empty() { &scene.log } else { &scene.name });
-    let licence = "terms of the data set (DDAD: CC BY-NC-SA 4.0)".to_owned();
-    let clip = Clip { name: folder_name(folder), source, licence, frames };
-    Ok(Source { root: folder.to_owned(), clip, decoder })
+    let images = scene.data.iter().filter(|datum| datum.datum.image.is_some());
+    Ok(Source {
+        root: folder.to_owned(),
+        name: folder_name(folder),
+        source: format!("DGP scene {}", if scene.name.is_empty() { &scene.log } else { &scene.name }),
+        licence: "terms of the data set (DDAD: CC BY-NC-SA 4.0)".to_owned(),
+        frames,
+        cameras: images.map(|datum| datum.id.name.clone()).collect(),
+        decoder,
+    })
 }
 
 struct Reader<'a> {
@@ -74,6 +88,8 @@ struct Reader<'a> {
     file: &'a Path,
     scene: &'a SceneJson,
     data: BTreeMap<&'a str, &'a DatumJson>,
+    selection: &'a Selection,
+    /// None where the ontology was not fetched: classes are then called by their numbers.
     categories: BTreeMap<i64, String>,
     calibrations: BTreeMap<&'a str, CalibrationJson>,
     /// Names of the values of each sweep file's rows.
@@ -84,7 +100,11 @@ impl<'a> Reader<'a> {
     fn categories(folder: &Path, file: &Path, scene: &SceneJson) -> Result<BTreeMap<i64, String>> {
         let Some(key) = BOXES_3D.iter().find_map(|key| scene.ontologies.get(*key)) else { return Ok(BTreeMap::new()) };
         let path = inside(At { file, field: "ontologies" }, &format!("ontology/{key}.json"))?;
-        let ontology: OntologyJson = read_json(&folder.join(path))?;
+        let path = folder.join(path);
+        if !path.exists() {
+            return Ok(BTreeMap::new());
+        }
+        let ontology: OntologyJson = read_json(&path)?;
         Ok(ontology.items.into_iter().map(|item| (item.id, item.name)).collect())
     }
 
@@ -103,6 +123,9 @@ impl<'a> Reader<'a> {
                 return self.error(&format!("{at}.datum_keys"), "keys of `data`", format!("`{key}`"));
             };
             if datum.datum.image.is_some() {
+                if !self.selection.camera(&datum.id.name) {
+                    continue;
+                }
                 cameras.push(self.camera(&at, &sample.calibration_key, datum)?);
             } else if datum.datum.point_cloud.is_some() {
                 if lidar.is_some() {
@@ -169,7 +192,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The boxes of a point cloud, `None` when it names none.
+    /// The boxes of a point cloud, `None` when it names none or their file was not fetched.
     fn boxes(&self, at: &str, datum: &DatumJson, world_from_lidar: &Pose) -> Result<Option<Vec<TrackedBox>>> {
         let at = format!("{at}: {}: annotations", datum.id.name);
         let annotations = datum.datum.point_cloud.as_ref().map(|cloud| &cloud.annotations);
@@ -177,6 +200,9 @@ impl<'a> Reader<'a> {
             return Ok(None);
         };
         let file = self.folder.join(inside(At { file: self.file, field: &at }, path)?);
+        if !file.exists() {
+            return Ok(None);
+        }
         let json: AnnotationsJson = read_json(&file)?;
         let tracked = |(i, item): (usize, scene::AnnotationJson)| {
             let at = At { file: &file, field: &format!("annotations[{i}].box.pose") };

@@ -22,12 +22,12 @@ use motion::Motion;
 use spin::{Spin, Spins};
 
 use super::{
-    Source,
-    values::{At, IMAGE_ENDINGS, folders, numbered, read_text},
+    Selection, Source,
+    values::{At, IMAGE_ENDINGS, Numbered, folders, numbered, read_text},
 };
 use crate::{
     camera::{Camera, Intrinsics},
-    clip::{CameraRecord, Clip, Frame, LidarRecord},
+    clip::{CameraRecord, Frame, LidarRecord},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
     sweep::{Sweep, read_sweep},
@@ -80,24 +80,31 @@ fn drive_of(folder: &Path) -> Result<PathBuf> {
     Err(FormatError::invalid(folder, "drive", expected, format!("{} {}", drives.len(), names.join(", "))))
 }
 
-/// The clip of a drive.
-pub(super) fn read(folder: &Path) -> Result<Source> {
+/// Whether a folder holds some of a drive or of its date.
+pub(super) fn resembles(folder: &Path) -> bool {
+    [folder.to_owned(), date_of(folder)].iter().any(|place| place.join(CALIBRATION).is_file())
+        || [SWEEPS, "oxts"].iter().any(|name| folder.join(name).is_dir())
+}
+
+/// The frames of a drive.
+pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
     let drive = drive_of(folder)?;
     let date = date_of(&drive);
     let calibration = Calibration::read(&date)?;
     let times = Times::read(&drive.join(SWEEPS).join("timestamps.txt"))?;
     let files = numbered(&drive.join(SWEEPS).join("data"), &[".bin"])?;
-    let moments = files.iter().map(|sweep| Ok((sweep.number, times.of(sweep.number)?))).collect::<Result<Vec<_>>>()?;
-    let motion = Motion::read(&drive, &date, &calibration, &moments)?;
+    let motion = Motion::read(&drive, &date, &calibration, &times)?;
     let spins = Spins::read(&drive.join(SWEEPS))?;
-    let mut sensors = Vec::new();
     let is_camera = |name: &str| name.strip_prefix("image_").is_some_and(|n| n.len() == 2 && n.parse::<u8>().is_ok());
-    for name in folders(&drive)?.into_iter().filter(|name| is_camera(name)) {
-        sensors.push(Sensor::read(&drive, name, &calibration)?);
-    }
+    let has_images =
+        |name: &String| numbered(&drive.join(name).join("data"), &IMAGE_ENDINGS).is_ok_and(|f| !f.is_empty());
+    let names: Vec<String> = folders(&drive)?.into_iter().filter(|name| is_camera(name) && has_images(name)).collect();
+    let wanted = names.iter().filter(|name| selection.camera(name));
+    let sensors = wanted.map(|name| Sensor::read(&drive, name.clone(), &calibration)).collect::<Result<Vec<_>>>()?;
     let mut boxes = tracklets::read(&drive.join("tracklet_labels.xml"))?;
-    let (mut frames, mut turns) = (Vec::new(), BTreeMap::new());
-    for (sweep, (_, timestamp)) in files.into_iter().zip(moments) {
+    let mut turns = BTreeMap::new();
+    let frame = |sweep: &Numbered| {
+        let timestamp = times.of(sweep.number)?;
         let world_from_lidar = motion.world_from_lidar(sweep.number, timestamp)?;
         let file = PathBuf::from(format!("{SWEEPS}/data/{}", sweep.name));
         if let Some(spins) = &spins {
@@ -110,12 +117,19 @@ pub(super) fn read(folder: &Path) -> Result<Source> {
             found.iter_mut().for_each(|b| b.world_from_box = world_from_lidar * b.world_from_box);
             found
         });
-        frames.push(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes });
-    }
+        Ok(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes })
+    };
+    let frames = files.iter().map(frame).collect();
     let name = super::folder_name(&drive);
-    let clip =
-        Clip { source: format!("KITTI raw, {name}"), name, licence: "CC BY-NC-SA 3.0 (KITTI)".to_owned(), frames };
-    Ok(Source { root: drive, clip, decoder: Arc::new(Decoder { turns, motion }) })
+    Ok(Source {
+        root: drive,
+        source: format!("KITTI raw, {name}"),
+        name,
+        licence: "CC BY-NC-SA 3.0 (KITTI)".to_owned(),
+        frames,
+        cameras: names,
+        decoder: Arc::new(Decoder { turns, motion }),
+    })
 }
 
 /// Moments of a sensor's files by their numbers: line N of `timestamps.txt` is of file N.
@@ -130,12 +144,21 @@ impl Times {
         Ok(Self { file: file.to_owned(), text: read_text(file)? })
     }
 
+    /// Seconds since 1970 of each number; `None` for lines that say no moment, as those of what was not recorded.
+    fn all(&self) -> Vec<Option<f64>> {
+        self.text.lines().zip(1..).map(|(line, number)| self.moment(number, line).ok()).collect()
+    }
+
     /// Seconds since 1970.
-    #[expect(clippy::cast_precision_loss, reason = "microseconds since 1970 are below 2^53")]
     fn of(&self, number: u64) -> Result<f64> {
-        let line = usize::try_from(number).ok().and_then(|n| self.text.lines().nth(n)).unwrap_or_default().trim();
-        let at = At { file: &self.file, field: &format!("line {}", number + 1) };
-        at.micros(line, "%Y-%m-%d %H:%M:%S%.f").map(|micros| micros as f64 / 1e6)
+        let line = usize::try_from(number).ok().and_then(|n| self.text.lines().nth(n));
+        self.moment(number.saturating_add(1), line.unwrap_or_default())
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "microseconds since 1970 are below 2^53")]
+    fn moment(&self, line_number: u64, line: &str) -> Result<f64> {
+        let at = At { file: &self.file, field: &format!("line {line_number}") };
+        at.micros(line.trim(), "%Y-%m-%d %H:%M:%S%.f").map(|micros| micros as f64 / 1e6)
     }
 }
 
@@ -144,7 +167,7 @@ impl Times {
 struct Sensor {
     name: String,
     /// The files by their numbers.
-    files: Vec<super::values::Numbered>,
+    files: Vec<Numbered>,
     times: Times,
     rectified: calibration::Rectified,
     size: [u32; 2],

@@ -12,6 +12,7 @@ mod kitti;
 mod nearest;
 mod npz;
 mod nuscenes;
+mod open;
 mod pandaset;
 mod pickle;
 mod table;
@@ -25,13 +26,10 @@ use std::{
     sync::Arc,
 };
 
-use crate::{
-    clip::Clip,
-    clip_dir::{CLIP_FILE, ClipDir, SweepDecoder},
-    error::{FormatError, Result},
-};
+use crate::{clip::Frame, clip_dir::SweepDecoder, error::Result};
 
 pub use additions::{Additions, DepthFolder};
+pub use open::{open, open_as, open_part};
 pub use write::{write, write_with};
 
 /// A foreign layout.
@@ -64,13 +62,24 @@ impl Layout {
         }
     }
 
-    fn read(self, folder: &Path, scene: Option<&str>) -> Result<Source> {
+    /// Whether a folder holds some of what this layout asks for: it is of no other, so that reading it says what is missing.
+    fn resembles(self, folder: &Path) -> bool {
         match self {
-            Self::Dgp => dgp::read(folder),
-            Self::KittiRaw => kitti::read(folder),
-            Self::Argoverse2 => argoverse2::read(folder),
-            Self::PandaSet => pandaset::read(folder),
-            Self::NuScenes => nuscenes::read(folder, scene),
+            Self::Dgp => dgp::resembles(folder),
+            Self::KittiRaw => kitti::resembles(folder),
+            Self::Argoverse2 => argoverse2::resembles(folder),
+            Self::PandaSet => pandaset::resembles(folder),
+            Self::NuScenes => nuscenes::resembles(folder),
+        }
+    }
+
+    fn read(self, folder: &Path, selection: &Selection) -> Result<Source> {
+        match self {
+            Self::Dgp => dgp::read(folder, selection),
+            Self::KittiRaw => kitti::read(folder, selection),
+            Self::Argoverse2 => argoverse2::read(folder, selection),
+            Self::PandaSet => pandaset::read(folder, selection),
+            Self::NuScenes => nuscenes::read(folder, selection),
         }
     }
 }
@@ -98,91 +107,26 @@ pub struct Selection {
     pub cameras: Option<Vec<String>>,
 }
 
+impl Selection {
+    /// Whether a camera is wanted: of others an importer looks at nothing but their names.
+    fn camera(&self, name: &str) -> bool {
+        self.cameras.as_ref().is_none_or(|cameras| cameras.iter().any(|camera| camera == name))
+    }
+}
+
 /// A foreign folder, read but for its sweeps and images.
 #[derive(Debug)]
 struct Source {
     /// What the clip's files are relative to.
     root: PathBuf,
-    clip: Clip,
+    name: String,
+    source: String,
+    licence: String,
+    /// Frames with the wanted cameras. One that cannot be read is an error to who wants it.
+    frames: Vec<Result<Frame>>,
+    /// Every camera that has images, wanted or not.
+    cameras: Vec<String>,
     decoder: Arc<dyn SweepDecoder>,
-}
-
-/// The clip of a directory with a `clip.json`, or of a folder of a foreign layout, whichever `path` is.
-///
-/// # Errors
-/// Those of [`ClipDir::open`] and [`open_as`]; a folder of neither kind.
-pub fn open(path: &Path) -> Result<ClipDir> {
-    if path.is_file() {
-        return Err(FormatError::invalid(path, "layout", "a folder", "a file"));
-    }
-    if !path.is_dir() || path.join(CLIP_FILE).exists() {
-        return ClipDir::open(path);
-    }
-    match Layout::ALL.into_iter().find(|layout| layout.is_of(path)) {
-        Some(layout) => open_as(layout, path, &Selection::default()),
-        None => {
-            let names = Layout::ALL.map(|layout| layout.to_string()).join(", ");
-            let expected = format!("`{CLIP_FILE}` or the files of one of {names}");
-            let found = values::entries(path, &[""])?.into_iter().take(5).collect::<Vec<_>>().join(", ");
-            let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
-            Err(FormatError::invalid(path, "layout", expected, found))
-        }
-    }
-}
-
-/// The clip of a folder of a foreign layout.
-///
-/// # Errors
-/// A file that is missing, damaged or of another form than the layout's; frames, cameras or a scene that it does not have.
-pub fn open_as(layout: Layout, path: &Path, selection: &Selection) -> Result<ClipDir> {
-    if let Some(scene) = selection.scene.as_ref().filter(|_| layout != Layout::NuScenes) {
-        let expected = format!("none: a folder of {layout} holds one scene");
-        return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
-    }
-    if let Some(other) = Layout::ALL.into_iter().find(|other| !layout.is_of(path) && other.is_of(path)) {
-        return Err(FormatError::invalid(
-            path,
-            "layout",
-            format!("the files of {layout}"),
-            format!("those of {other}"),
-        ));
-    }
-    let Source { root, mut clip, decoder } = layout.read(path, selection.scene.as_deref())?;
-    if let Some(frames) = &selection.frames {
-        clip.frames = take_frames(path, &clip, frames)?;
-    }
-    if let Some(cameras) = &selection.cameras {
-        keep_cameras(path, &mut clip, cameras)?;
-    }
-    if clip.frames.is_empty() {
-        return Err(FormatError::invalid(path, "frames", "at least one frame", "none"));
-    }
-    ClipDir::foreign(&root, &clip, decoder)
-}
-
-fn take_frames(path: &Path, clip: &Clip, frames: &[usize]) -> Result<Vec<crate::clip::Frame>> {
-    let of_index = |&index: &usize| {
-        clip.frames.get(index).cloned().ok_or_else(|| {
-            let expected = format!("indices below {}, the number of frames", clip.frames.len());
-            FormatError::invalid(path, "--frames", expected, index.to_string())
-        })
-    };
-    frames.iter().map(of_index).collect()
-}
-
-fn keep_cameras(path: &Path, clip: &mut Clip, cameras: &[String]) -> Result<()> {
-    let mut known: Vec<String> =
-        clip.frames.iter().flat_map(|f| &f.cameras).map(|record| record.camera.name.clone()).collect();
-    known.sort_unstable();
-    known.dedup();
-    if let Some(unknown) = cameras.iter().find(|name| !known.contains(name)) {
-        let expected = format!("one of {}", known.join(", "));
-        return Err(FormatError::invalid(path, "--cameras", expected, format!("`{unknown}`")));
-    }
-    for frame in &mut clip.frames {
-        frame.cameras.retain(|record| cameras.contains(&record.camera.name));
-    }
-    Ok(())
 }
 
 /// The name of the clip of a folder: that of the folder itself.

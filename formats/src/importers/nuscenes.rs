@@ -7,6 +7,7 @@
 //! nutonomy/nuscenes-devkit, `docs/schema_nuscenes.md` and `python-sdk/nuscenes/nuscenes.py`. Images are undistorted
 //! already (its issue 120). Principal points count from the centre of the first pixel: half a pixel is added.
 
+mod scenes;
 mod tables;
 mod tracks;
 
@@ -16,17 +17,18 @@ use std::{
     sync::Arc,
 };
 
-use tables::{CalibratedSensor, EgoPose, Sample, SampleData, Scene, Sensor, read_table};
+use scenes::Chosen;
+use tables::{CalibratedSensor, EgoPose, Sample, SampleData, Sensor, read_table};
 use tracks::Tracks;
 
 use super::{
-    Source,
+    Selection, Source,
     nearest::{Shot, image_of_each},
-    values::{At, entries, inside},
+    values::{At, folders, inside},
 };
 use crate::{
     camera::{Camera, Intrinsics},
-    clip::{CameraRecord, Clip, Frame, LidarRecord},
+    clip::{CameraRecord, Frame, LidarRecord},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
     pose::Pose,
@@ -43,26 +45,20 @@ const RETURN_VALUES: usize = 5;
 
 /// Whether a folder is a release.
 pub(super) fn is_of(folder: &Path) -> bool {
-    tables_of(folder).is_ok()
+    scenes::versions(folder).is_ok_and(|versions| !versions.is_empty())
 }
 
-/// The folder of the tables of a release.
-fn tables_of(folder: &Path) -> Result<PathBuf> {
-    let is_tables = |name: &String| folder.join(name).join("sample_data.json").is_file();
-    let names: Vec<String> = entries(folder, &[""])?.into_iter().filter(is_tables).collect();
-    match names.as_slice() {
-        [one] => Ok(folder.join(one)),
-        other => {
-            let expected = "one folder of tables such as `v1.0-mini`";
-            Err(FormatError::invalid(folder, "tables", expected, format!("{}", other.len())))
-        }
-    }
+/// Whether a folder holds some of a release.
+pub(super) fn resembles(folder: &Path) -> bool {
+    let of_version = |names: Vec<String>| names.iter().any(|name| name.starts_with("v1.0-"));
+    folder.join("sample_data.json").is_file()
+        || folders(folder).is_ok_and(of_version)
+        || [LIDAR, "CAM_FRONT"].iter().any(|name| folder.join("samples").join(name).is_dir())
 }
 
-/// The clip of one scene of a release.
-pub(super) fn read(folder: &Path, scene: Option<&str>) -> Result<Source> {
-    let tables = tables_of(folder)?;
-    let scene = scene_of(&tables.join("scene.json"), scene)?;
+/// The frames of one scene of a release.
+pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
+    let Chosen { tables, scene } = scenes::choose(folder, selection.scene.as_deref())?;
     let mut samples: Vec<Sample> =
         read_table(&tables.join("sample.json"), |sample: &Sample| sample.scene_token == scene.token)?;
     samples.sort_by_key(|sample| sample.timestamp);
@@ -72,56 +68,41 @@ pub(super) fn read(folder: &Path, scene: Option<&str>) -> Result<Source> {
     let no_sweeps = || FormatError::invalid(&reader.file, LIDAR, format!("sweeps of {}", scene.name), "none");
     let sweeps = shots.get(LIDAR).ok_or_else(no_sweeps)?;
     let times: Vec<f64> = sweeps.iter().map(|shot| seconds(shot.timestamp)).collect();
-    let mut frames = Vec::with_capacity(sweeps.len());
-    for &data in sweeps {
+    let images: BTreeMap<&str, Vec<Option<usize>>> = shots
+        .iter()
+        .filter(|(channel, _)| channel.as_str() != LIDAR)
+        .map(|(channel, images)| {
+            let shot = |(image, data): (usize, &&SampleData)| Shot { image, time: seconds(data.timestamp) };
+            let moments: Vec<Shot> = images.iter().enumerate().map(shot).collect();
+            (channel.as_str(), image_of_each(&times, &moments, REACH))
+        })
+        .collect();
+    let has_images = |sweep: usize| images.values().any(|of_each| of_each[sweep].is_some());
+    let any_images = (0..sweeps.len()).any(has_images);
+    let frame = |sweep: usize| {
+        let data = sweeps[sweep];
         let placed = reader.placed(data)?;
-        let (timestamp, world_from_lidar) = (seconds(data.timestamp), placed.world_from_sensor);
-        let lidar = LidarRecord::new(placed.file, timestamp, world_from_lidar);
-        frames.push(Frame { lidar, cameras: Vec::new(), boxes: tracks.at(data.timestamp) });
-    }
-    for (channel, images) in shots.iter().filter(|(channel, _)| channel.as_str() != LIDAR) {
-        let moments: Vec<Shot> =
-            images.iter().enumerate().map(|(image, data)| Shot { image, time: seconds(data.timestamp) }).collect();
-        for (frame, image) in frames.iter_mut().zip(image_of_each(&times, &moments, REACH)) {
-            if let Some(image) = image {
-                frame.cameras.push(reader.camera(channel, images[image])?);
-            }
-        }
-    }
-    if frames.iter().any(|frame| !frame.cameras.is_empty()) {
-        frames.retain(|frame| !frame.cameras.is_empty());
-    }
-    let source = format!("nuScenes {}, {}", super::folder_name(&tables), scene.name);
-    let licence = "CC BY-NC-SA 4.0 and the nuScenes terms of use".to_owned();
-    let clip = Clip { name: format!("nuscenes_{}", scene.name), source, licence, frames };
-    Ok(Source { root: folder.to_owned(), clip, decoder: Arc::new(Decoder) })
+        let lidar = LidarRecord::new(placed.file, seconds(data.timestamp), placed.world_from_sensor);
+        let wanted = images.iter().filter(|(channel, _)| selection.camera(channel));
+        let own = wanted.filter_map(|(channel, of_each)| Some((*channel, shots[*channel][of_each[sweep]?])));
+        let cameras = own.map(|(channel, data)| reader.camera(channel, data)).collect::<Result<_>>()?;
+        Ok(Frame { lidar, cameras, boxes: tracks.at(data.timestamp) })
+    };
+    Ok(Source {
+        root: folder.to_owned(),
+        name: format!("nuscenes_{}", scene.name),
+        source: format!("nuScenes {}, {}", super::folder_name(&tables), scene.name),
+        licence: "CC BY-NC-SA 4.0 and the nuScenes terms of use".to_owned(),
+        frames: (0..sweeps.len()).filter(|&sweep| has_images(sweep) || !any_images).map(frame).collect(),
+        cameras: images.keys().map(|&channel| channel.to_owned()).collect(),
+        decoder: Arc::new(Decoder),
+    })
 }
 
 /// Seconds of a count of microseconds.
 #[expect(clippy::cast_precision_loss, reason = "microseconds since 1970 are below 2^53")]
 fn seconds(microseconds: i64) -> f64 {
     microseconds as f64 / 1e6
-}
-
-/// The scene of that name, or the only one.
-fn scene_of(file: &Path, name: Option<&str>) -> Result<Scene> {
-    let mut scenes: Vec<Scene> = read_table(file, |_| true)?;
-    let names: Vec<String> = scenes.iter().take(10).map(|scene| scene.name.clone()).collect();
-    let error = |expected: String| {
-        let more = if names.len() < scenes.len() { ", ..." } else { "" };
-        let found = format!("{} scenes: {}{more}", scenes.len(), names.join(", "));
-        FormatError::invalid(file, "--scene", expected, found)
-    };
-    match name {
-        None if scenes.len() == 1 => Ok(scenes.remove(0)),
-        None => {
-            Err(error("the name of one, to import it alone (`lgs-clip import nuscenes SRC --scene NAME`)".to_owned()))
-        }
-        Some(name) => match scenes.iter().position(|scene| scene.name == name) {
-            Some(index) => Ok(scenes.swap_remove(index)),
-            None => Err(error(format!("`{name}`"))),
-        },
-    }
 }
 
 /// The tables of one scene by their tokens.

@@ -17,13 +17,13 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use super::{
-    Source, folder_name,
+    Selection, Source, folder_name,
     pickle::read_frame,
     values::{At, IMAGE_ENDINGS, Numbered, entries, folders, numbered, read_json, yaw},
 };
 use crate::{
     camera::{Camera, Distortion, Intrinsics},
-    clip::{CameraRecord, Clip, Frame, LidarRecord, TrackedBox},
+    clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
     pose::Pose,
@@ -59,29 +59,44 @@ pub(super) fn is_of(folder: &Path) -> bool {
     lidar.join("poses.json").is_file() && entries(&lidar, &FRAME_ENDINGS).is_ok_and(|names| !names.is_empty())
 }
 
-/// The clip of a sequence.
-pub(super) fn read(folder: &Path) -> Result<Source> {
+/// Whether a folder holds some of a sequence.
+pub(super) fn resembles(folder: &Path) -> bool {
+    let of_lidar = entries(&folder.join("lidar"), &FRAME_ENDINGS).is_ok_and(|names| !names.is_empty());
+    of_lidar || folder.join("lidar/poses.json").is_file() || folder.join(CUBOIDS).is_dir()
+}
+
+/// The frames of a sequence.
+pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
     let sweeps = Sensor::read(folder, "lidar", &FRAME_ENDINGS)?;
-    let mut cameras = Vec::new();
+    let (mut names, mut cameras) = (Vec::new(), Vec::new());
     for name in folders(&folder.join("camera")).unwrap_or_default() {
-        cameras.push(Images::read(folder, &name)?);
+        let files = entries(&folder.join("camera").join(&name), &IMAGE_ENDINGS)?;
+        if files.is_empty() {
+            continue;
+        }
+        if selection.camera(&name) {
+            cameras.push(Images::read(folder, &name)?);
+        }
+        names.push(name);
     }
-    let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).ok();
-    let mut frames = Vec::with_capacity(sweeps.files.len());
-    for (index, file) in sweeps.files.iter().enumerate() {
+    let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).unwrap_or_default();
+    let frame = |(index, file): (usize, &Numbered)| {
         let file_of_sweep = Path::new("lidar").join(&file.name);
         let lidar = LidarRecord::new(file_of_sweep, sweeps.times[index], sweeps.pose(index)?);
         let cameras = cameras.iter().filter_map(|images| images.record(file.number).transpose());
-        let boxes = boxes.as_ref().map(|boxes| match boxes.binary_search_by_key(&file.number, |b| b.number) {
-            Ok(place) => cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)),
-            Err(_) => Ok(Vec::new()),
-        });
-        frames.push(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes: boxes.transpose()? });
-    }
-    let name = format!("pandaset_{}", folder_name(folder));
-    let source = format!("PandaSet, sequence {}", folder_name(folder));
-    let clip = Clip { name, source, licence: "PandaSet terms of use".to_owned(), frames };
-    Ok(Source { root: folder.to_owned(), clip, decoder: Arc::new(Decoder) })
+        let place = boxes.binary_search_by_key(&file.number, |b| b.number).ok();
+        let boxes = place.map(|place| cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)));
+        Ok(Frame { lidar, cameras: cameras.collect::<Result<_>>()?, boxes: boxes.transpose()? })
+    };
+    Ok(Source {
+        root: folder.to_owned(),
+        name: format!("pandaset_{}", folder_name(folder)),
+        source: format!("PandaSet, sequence {}", folder_name(folder)),
+        licence: "PandaSet terms of use".to_owned(),
+        frames: sweeps.files.iter().enumerate().map(frame).collect(),
+        cameras: names,
+        decoder: Arc::new(Decoder),
+    })
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -89,6 +89,9 @@ struct Parser<'a> {
 /// # Errors
 /// Anything that the layout in [`crate::ply`] does not allow, by its line (1 is the first).
 pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Header> {
+    if !bytes.starts_with(b"ply") {
+        return Err(FormatError::invalid(file, "header line 1", "`ply`", kind(bytes)));
+    }
     let text = &bytes[..bytes.len().min(MAX_HEADER_BYTES)];
     let mut parser = Parser { file, line: 0, element: Element::None, count: None, properties: Vec::new(), stride: 0 };
     let mut length = 0;
@@ -104,6 +107,22 @@ pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Header> {
     }
     let found = format!("none in the first {} bytes", text.len());
     Err(FormatError::invalid(file, "header", "a line `end_header`", found))
+}
+
+/// What the first bytes of a file that is no PLY file are, in words.
+fn kind(bytes: &[u8]) -> String {
+    let line = bytes.split(|&b| b == b'\n' || b == b'\r').next().unwrap_or_default();
+    let start = &line[..line.len().min(80)];
+    match bytes {
+        [] => "an empty file".to_owned(),
+        [0x1f, 0x8b, ..] => "compressed data, as SPZ files are".to_owned(),
+        [0x89, b'P', b'N', b'G', ..] => "a PNG image".to_owned(),
+        [b'P', b'K', ..] => "a zip archive".to_owned(),
+        _ => match std::str::from_utf8(start) {
+            Ok(text) if !text.contains(char::is_control) => format!("`{text}`"),
+            _ => "other bytes".to_owned(),
+        },
+    }
 }
 
 impl Parser<'_> {

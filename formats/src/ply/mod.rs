@@ -30,8 +30,8 @@ mod tests;
 mod write;
 
 pub use read::read_ply;
+pub use write::{Higher, write_plain_ply, write_ply};
 pub(crate) use write::{check_lengths, encode};
-pub use write::{write_plain_ply, write_ply};
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
@@ -46,6 +46,8 @@ const FRAME: &str = "frame";
 const MAX_FRAME: u32 = 1 << 24;
 /// Higher spherical harmonics of other programs' files.
 const HIGHER_COLOUR_PREFIX: &str = "f_rest_";
+/// How many of them spherical harmonics of degree 3 have.
+const NUM_HIGHER: usize = 45;
 
 /// The named properties in the order in which they are written.
 fn fixed_names() -> impl Iterator<Item = &'static str> {

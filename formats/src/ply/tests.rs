@@ -197,9 +197,15 @@ fn malformed_headers_are_named_by_their_line() {
     }
     let text = read(b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").unwrap_err();
     assert!(text.ends_with("header line 2: expected `format binary_little_endian 1.0` (the only kind that is read), found `format ascii 1.0`"), "{text}");
-    assert!(read(b"").unwrap_err().contains("header: expected a line `end_header`, found none in the first 0 bytes"));
+    assert!(read(b"").unwrap_err().contains("header line 1: expected `ply`, found an empty file"));
+    assert!(read(b"\x1f\x8b\x08\x00").unwrap_err().contains("found compressed data, as SPZ files are"));
+    assert!(read(b"\x00\xff\n").unwrap_err().ends_with("found other bytes"));
     assert!(read(b"plx\n").unwrap_err().contains("header line 1: expected `ply`, found `plx`"));
-    assert!(read(&[b'a'; 100_000]).unwrap_err().contains("found none in the first 65536 bytes"));
+    assert!(
+        read(&[b"ply\n".as_slice(), &[b'a'; 100_000]].concat())
+            .unwrap_err()
+            .contains("found none in the first 65536 bytes")
+    );
 }
 
 #[test]

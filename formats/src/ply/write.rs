@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::{
-    COLOUR, FRAME, MAX_FRAME, NORMAL, OPACITY, POSITION, ROTATION, SCALE, fixed_names, header::MAX_HEADER_BYTES,
-    is_extra,
+    COLOUR, FRAME, HIGHER_COLOUR_PREFIX, MAX_FRAME, NORMAL, NUM_HIGHER, OPACITY, POSITION, ROTATION, SCALE,
+    fixed_names, header::MAX_HEADER_BYTES, is_extra,
 };
 use crate::{
     cloud::SplatCloud,
@@ -21,17 +21,35 @@ pub fn write_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
     write_atomic(path, &to_bytes(path, cloud)?)
 }
 
+/// Which spherical harmonics beyond the first a plain file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Higher {
+    /// None: every splat has one colour.
+    None,
+    /// All 45 of degree 3, `f_rest_0` to `f_rest_44`, zeros, for programs that ask for them (SIBR, plugins of Unity).
+    Zeros,
+}
+
 /// Nothing: writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times, frames or further
 /// columns.
 ///
 /// # Errors
 /// Those of [`write_ply`].
-pub fn write_plain_ply(path: &Path, cloud: &SplatCloud) -> Result<()> {
+pub fn write_plain_ply(path: &Path, cloud: &SplatCloud, higher: Higher) -> Result<()> {
     check_lengths(path, cloud)?;
+    let rest: Vec<String> = match higher {
+        Higher::None => Vec::new(),
+        Higher::Zeros => (0..NUM_HIGHER).map(|k| format!("{HIGHER_COLOUR_PREFIX}{k}")).collect(),
+    };
+    let first: Vec<&str> = [POSITION, NORMAL, COLOUR].into_iter().flatten().collect();
+    let last: Vec<&str> = [&[OPACITY][..], &SCALE, &ROTATION].into_iter().flatten().copied().collect();
     let names: Vec<&str> =
-        [&POSITION[..], &NORMAL, &COLOUR, &[OPACITY], &SCALE, &ROTATION].into_iter().flatten().copied().collect();
-    let width = names.len();
-    let bytes = encode(path, &names, cloud.len(), |index| record(cloud, index).into_iter().take(width))?;
+        first.iter().copied().chain(rest.iter().map(String::as_str)).chain(last.iter().copied()).collect();
+    let bytes = encode(path, &names, cloud.len(), |index| {
+        let values = record(cloud, index).into_iter();
+        let behind = values.clone().skip(first.len()).take(last.len());
+        values.take(first.len()).chain(std::iter::repeat_n(0.0, rest.len())).chain(behind)
+    })?;
     write_atomic(path, &bytes)
 }
 

@@ -6,6 +6,7 @@ use lgs_formats::error::FormatError;
 use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, Part, Shard};
 
 use super::pack::{Plan, pack};
+use super::shares::SHARES_FILE;
 use super::store::{Store, part_file};
 use crate::error::{Result, TargetError};
 
@@ -82,6 +83,10 @@ fn merged_before(shares: &[Share], out: &Path) -> Result<Option<Manifest>> {
 fn remove_own(shares: &[Share], out: &Path) -> Result<()> {
     for share in shares.iter().filter(|share| same_folder(&share.folder, out)) {
         std::fs::remove_file(&share.file).map_err(|e| FormatError::io(&share.file, "remove", e))?;
+    }
+    let divided = out.join(SHARES_FILE);
+    if divided.exists() {
+        std::fs::remove_file(&divided).map_err(|e| FormatError::io(&divided, "remove", e))?;
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ mod pack;
 mod part;
 mod retarget;
 mod run;
+mod shares;
 mod store;
 
 pub use clips::{JobClip, find_clips};
@@ -17,4 +18,5 @@ pub use merge::merge;
 pub use part::choose_part;
 pub use retarget::retarget;
 pub use run::{Event, Job, Outcome, run};
+pub use shares::{SHARES_FILE, Shares};
 pub use store::{CLIP_FOLDER, part_file};

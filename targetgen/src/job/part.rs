@@ -1,45 +1,55 @@
 //! Which share of a job this process does.
 
+use std::path::Path;
+
 use lgs_formats::targets::Part;
 
+use super::shares::{Shares, Task};
 use crate::error::{Result, TargetError};
 
-/// The share by the flag, else by the environment of a Slurm array task or of a Kubernetes indexed job; `None` for the whole job.
+const SLURM_ID: &str = "SLURM_ARRAY_TASK_ID";
+const INDEX: &str = "JOB_COMPLETION_INDEX";
+
+/// The share by the flag, else by the environment of a Slurm array task or of a Kubernetes indexed job, of the job in the folder `out`, and
+/// how that job is divided, for [`Shares::write`]; `None` for the whole job.
 ///
 /// `SLURM_ARRAY_TASK_ID` with `_MIN` and `_COUNT` (and `_STEP`, 1 when it is missing), or `JOB_COMPLETION_INDEX`, from 0, with
-/// `JOB_COMPLETIONS`, which the job's file sets to its `completions`.
+/// `JOB_COMPLETIONS`, which the job's file sets to its `completions`. Slurm counts the tasks that were submitted together alone: where the
+/// folder knows how its job was divided at first, tasks that are submitted again keep their shares.
 ///
 /// # Errors
-/// An environment that is not complete or does not fit together.
-pub fn choose_part(flag: Option<Part>, variable: &dyn Fn(&str) -> Option<String>) -> Result<Option<Part>> {
-    if flag.is_some() {
-        return Ok(flag);
+/// An environment that is not complete or does not fit together, or not with the folder's job.
+pub fn choose_part(
+    out: &Path,
+    flag: Option<Part>,
+    variable: &dyn Fn(&str) -> Option<String>,
+) -> Result<Option<(Part, Shares)>> {
+    let Some(task) = task(flag, variable)? else { return Ok(None) };
+    task.part(out, Shares::read(out)?).map(Some)
+}
+
+fn task(flag: Option<Part>, variable: &dyn Fn(&str) -> Option<String>) -> Result<Option<Task>> {
+    let whole =
+        |name, number, first, count| Task { name, number, shares: Shares { first, step: 1, count }, is_whole: true };
+    if let Some(Part { index, count }) = flag {
+        return Ok(Some(whole("--part", index, 1, count)));
     }
     let number = |name: &str| -> Result<usize> {
         let text = variable(name).unwrap_or_default();
         let number = text.parse().ok();
         number.ok_or_else(|| TargetError::setting(name, "a number, or --part I/N", format!("{text:?}")))
     };
-    if variable("SLURM_ARRAY_TASK_ID").is_some() {
-        let (id, min, count) =
-            (number("SLURM_ARRAY_TASK_ID")?, number("SLURM_ARRAY_TASK_MIN")?, number("SLURM_ARRAY_TASK_COUNT")?);
+    if variable(SLURM_ID).is_some() {
+        let (id, first, count) =
+            (number(SLURM_ID)?, number("SLURM_ARRAY_TASK_MIN")?, number("SLURM_ARRAY_TASK_COUNT")?);
         let step = variable("SLURM_ARRAY_TASK_STEP").map_or(Ok(1), |_| number("SLURM_ARRAY_TASK_STEP"))?.max(1);
-        let even = id >= min && (id - min).is_multiple_of(step);
-        return part("SLURM_ARRAY_TASK_ID", if even { (id - min) / step + 1 } else { 0 }, count).map(Some);
+        let shares = Shares { first, step, count: count.max(1) };
+        return Ok(Some(Task { name: SLURM_ID, number: id, shares, is_whole: false }));
     }
-    if variable("JOB_COMPLETION_INDEX").is_some() {
-        let (index, count) = (number("JOB_COMPLETION_INDEX")?, number("JOB_COMPLETIONS")?);
-        return part("JOB_COMPLETION_INDEX", index.saturating_add(1), count).map(Some);
+    if variable(INDEX).is_some() {
+        return Ok(Some(whole(INDEX, number(INDEX)?, 0, number("JOB_COMPLETIONS")?.max(1))));
     }
     Ok(None)
-}
-
-fn part(name: &str, index: usize, count: usize) -> Result<Part> {
-    if (1..=count).contains(&index) {
-        return Ok(Part { index, count });
-    }
-    let found = format!("task {index} of {count}; give --part I/N where tasks are not numbered evenly");
-    Err(TargetError::setting(name, "tasks that are numbered evenly", found))
 }
 
 #[cfg(test)]
@@ -48,7 +58,7 @@ mod tests {
 
     fn of(variables: &[(&str, &str)]) -> Result<Option<Part>> {
         let find = |name: &str| variables.iter().find(|(n, _)| *n == name).map(|(_, value)| (*value).to_owned());
-        choose_part(None, &find)
+        Ok(choose_part(Path::new("no such folder"), None, &find)?.map(|(part, _)| part))
     }
 
     #[test]
@@ -71,6 +81,40 @@ mod tests {
     fn the_flag_goes_first() {
         let flag = Some(Part { index: 2, count: 5 });
         let find = |name: &str| (name == "SLURM_ARRAY_TASK_ID").then(|| "1".to_owned());
-        assert_eq!(choose_part(flag, &find).unwrap(), flag);
+        let chosen = choose_part(Path::new("no such folder"), flag, &find).unwrap();
+        assert_eq!(chosen, flag.map(|part| (part, Shares { first: 1, step: 1, count: 5 })));
+    }
+
+    #[test]
+    fn tasks_that_are_submitted_again_keep_their_shares() {
+        let place = tempfile::tempdir().unwrap();
+        let of = |[id, min, count, step]: [&str; 4]| {
+            let find = |name: &str| match name.strip_prefix("SLURM_ARRAY_TASK_")? {
+                "ID" => Some(id.to_owned()),
+                "MIN" => Some(min.to_owned()),
+                "COUNT" => Some(count.to_owned()),
+                "STEP" => Some(step.to_owned()),
+                _ => None,
+            };
+            choose_part(place.path(), None, &find)
+        };
+        let (part, shares) = of(["1", "1", "3", "1"]).unwrap().unwrap();
+        shares.write(place.path()).unwrap();
+        assert_eq!(part, Part { index: 1, count: 3 });
+        // One that failed; two that failed, beside each other and apart.
+        for [id, min, count, step] in
+            [["2", "2", "1", "1"], ["2", "2", "2", "1"], ["3", "2", "2", "1"], ["3", "1", "2", "2"]]
+        {
+            let index = id.parse().unwrap();
+            assert_eq!(
+                of([id, min, count, step]).unwrap().map(|(part, _)| part),
+                Some(Part { index, count: 3 }),
+                "{id} {min}"
+            );
+        }
+        let message = of(["4", "1", "5", "1"]).unwrap_err().to_string();
+        assert!(message.contains("3 shares, tasks 1 to 3") && message.contains("shares.json"), "{message}");
+        let flag = |index, count| choose_part(place.path(), Some(Part { index, count }), &|_| None);
+        assert!(flag(2, 3).is_ok() && flag(2, 4).is_err());
     }
 }

@@ -10,10 +10,17 @@ use lgs_engine::{
     report::{RoleMeans, ViewRecord},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip::Clip, clip_dir::ClipDir, importers};
+use lgs_formats::{
+    clip::Clip,
+    clip_dir::{ClipDir, Needed},
+    importers,
+};
 
 use super::choice::Choice;
 use crate::error::Result;
+
+/// Most frames of a clip whose files are looked for one by one.
+const MAX_FRAMES: usize = 1_000_000;
 
 /// A clip, ready to be reconstructed and measured.
 #[derive(Debug)]
@@ -31,7 +38,8 @@ pub struct Subject<'a> {
 /// # Errors
 /// Whatever is wrong with it.
 pub fn open(choice: &Choice) -> Result<ClipDir> {
-    Ok(importers::open(&choice.dir)?)
+    let frames = choice.num_frames.map(|count| (0..count.min(MAX_FRAMES)).collect());
+    Ok(importers::open_part(&choice.dir, &Needed { frames, cameras: choice.cameras.clone() })?)
 }
 
 impl<'a> Subject<'a> {

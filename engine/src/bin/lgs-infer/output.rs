@@ -15,7 +15,7 @@ use lgs_formats::{
     cloud::SplatCloud,
     digest::sha256,
     exports::{write_sequence, write_spz, write_stg},
-    ply::{write_plain_ply, write_ply},
+    ply::{Higher, write_plain_ply, write_ply},
     write::{check_writable, write_atomic},
 };
 
@@ -115,7 +115,7 @@ pub(crate) struct Output<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Exports {
     /// `scene.ply` has the properties alone that every viewer knows.
-    pub(crate) plain: bool,
+    pub(crate) plain: Option<Higher>,
     /// Moment of what holds one moment only, seconds.
     pub(crate) moment: f32,
     /// First and last moment of what holds all, seconds.
@@ -131,10 +131,9 @@ pub(crate) struct Exports {
 impl Exports {
     fn write(&self, out: &Path, scene: &SplatCloud) -> Result<()> {
         let ply = out.join("scene.ply");
-        if self.plain {
-            write_plain_ply(&ply, &scene.at(self.moment))?;
-        } else {
-            write_ply(&ply, scene)?;
+        match self.plain {
+            Some(higher) => write_plain_ply(&ply, &scene.at(self.moment), higher)?,
+            None => write_ply(&ply, scene)?,
         }
         if let Some(rate) = self.sequence {
             write_sequence(&out.join("sequence"), scene, self.span, rate)?;

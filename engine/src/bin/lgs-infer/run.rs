@@ -26,7 +26,15 @@ use lgs_engine::{
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
-use lgs_formats::{clip_dir::ClipDir, digest::sha256, exports::num_files, importers, program::Outcome, viewer};
+use lgs_formats::{
+    clip_dir::{ClipDir, Needed},
+    digest::sha256,
+    exports::num_files,
+    importers,
+    ply::Higher,
+    program::Outcome,
+    viewer,
+};
 
 use crate::{
     args::{Args, ViewsArg, word},
@@ -56,7 +64,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let threads = threads::set_num_threads(args.threads())?;
     let bars = Bars::new();
     let mut watch = Watch::new(&bars);
-    let dir = watch.time(Stage::Load, |_| importers::open(clip))?;
+    let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let selection = selection(args, &dir)?;
     let (dir, lenses) = watch.time(Stage::Load, |_| with_fitting_lenses(dir, &selection))?;
@@ -134,11 +142,17 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     Ok(Outcome { text, notes: maps.into_iter().chain(turn).chain(lenses).collect(), has_findings: false })
 }
 
+/// What of the clip's files the run reads.
+fn needed(args: &Args) -> Needed {
+    Needed { frames: args.frames.as_ref().map(|list| list.0.clone()), cameras: args.cameras.clone() }
+}
+
 /// The files for other programs that are wanted of a scene that was seen in `views`, once it is known that they can be written.
 fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     let times = || views.iter().map(|view| view.pinhole.time);
     let span = [times().reduce(f32::min), times().reduce(f32::max)].map(|moment| moment.unwrap_or(0.0));
-    let Args { plain, sequence, stg, spz, .. } = *args;
+    let Args { plain, f_rest, sequence, stg, spz, .. } = *args;
+    let plain = if f_rest { Some(Higher::Zeros) } else { plain.then_some(Higher::None) };
     if stg && span[0] >= span[1] {
         bail!("--stg: expected input images of more than one moment, found {} s only", span[0]);
     }

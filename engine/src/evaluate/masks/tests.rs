@@ -174,3 +174,16 @@ fn a_clip_without_boxes_and_masks_says_nothing() {
     let empty = clip(vec![frame(0.0, Some(vec![]))]);
     assert_eq!(dynamic_pixels(&empty, &view(0, 0.0), &CLIP_FRAME), Some(vec![false; WIDTH * HEIGHT]));
 }
+
+#[test]
+fn the_own_vehicle_around_the_camera_is_not_seen_by_it() {
+    // A box that moves with the camera, which looks out of its front, and one that follows it closely.
+    let boxes = |x: f64| Some(vec![tracked("own", [x, 0.0, -1.0], [2.0, 2.0, 3.0])]);
+    let mut own = clip((0..3).map(|i| frame(0.1 * f64::from(i), boxes(f64::from(i)))).collect());
+    for (i, frame) in own.frames.iter_mut().enumerate() {
+        frame.cameras[0].camera.world_from_camera = Pose::new(DMat3::IDENTITY, DVec3::new(i as f64, 0.0, 0.0));
+    }
+    let mut view = view(1, 0.1);
+    view.pinhole.camera_from_clip[0][3] = -1.0;
+    assert!(dynamic_pixels(&own, &view, &CLIP_FRAME).unwrap().iter().all(|&moves| !moves));
+}

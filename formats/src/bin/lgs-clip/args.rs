@@ -45,7 +45,8 @@ pub(crate) struct Import {
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) cameras: Option<Vec<String>>,
 
-    /// Name of the scene, where the folder holds several (nuScenes) [default: the only one]
+    /// Name of the scene, where the folder holds several (nuScenes); `VERSION/NAME` takes it from the tables of that version [default:
+    /// the only one]
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
 
@@ -54,7 +55,7 @@ pub(crate) struct Import {
     #[arg(long, value_name = "DIR")]
     pub(crate) masks: Option<PathBuf>,
 
-    /// Folder of depth maps, `FRAME_CAMERA.png` (16-bit grey) or `.npy` (f32), named as the clip's images are: `0000_CAMERA.png`
+    /// Folder of depth maps, `FRAME_CAMERA.png` (16-bit grey) or `.npy` (f32, f64), named as the clip's images are: `0000_CAMERA.png`
     /// [default: none]
     #[arg(long, value_name = "DIR", requires = "depth_kind")]
     pub(crate) depth: Option<PathBuf>,

@@ -1,9 +1,14 @@
 //! What is in a clip and what looks wrong about it.
 
+mod calibration;
+mod columns;
+mod edges;
+mod masks;
 mod measure;
 mod project;
 mod sheet;
 mod text;
+mod units;
 mod warn;
 
 use std::collections::BTreeMap;
@@ -68,8 +73,12 @@ struct Returns {
 struct CameraReport {
     name: String,
     num_images: usize,
+    /// Of the first image.
     width: u32,
     height: u32,
+    /// Height and width of all images, where they differ.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sizes: Option<Vec<[u32; 2]>>,
     rate_hz: Option<f64>,
     /// Image minus sweep, milliseconds.
     offset_ms: Spread,

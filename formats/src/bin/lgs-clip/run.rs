@@ -46,9 +46,12 @@ fn summary(source: &ClipDir, out: &Path, has_images: bool) -> String {
     let sheet = if has_images { " --contact-sheet sheet.png" } else { "" };
     let clip = source.clip();
     let num_images: usize = clip.frames.iter().map(|frame| frame.cameras.len()).sum();
-    let num_boxes: usize = clip.frames.iter().filter_map(|frame| frame.boxes.as_ref()).map(Vec::len).sum();
+    let boxes = match clip.frames.iter().filter_map(|frame| frame.boxes.as_ref()).map(Vec::len).reduce(|a, b| a + b) {
+        Some(count) => format!("{count} boxes"),
+        None => "boxes unknown".to_owned(),
+    };
     format!(
-        "{}: {} frames, {num_images} images, {num_boxes} boxes\n{:<18} {}\n{:<18} {}\n{:<18} {}\n",
+        "{}: {} frames, {num_images} images, {boxes}\n{:<18} {}\n{:<18} {}\n{:<18} {}\n",
         clip.name,
         clip.frames.len(),
         "  licence",

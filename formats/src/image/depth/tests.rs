@@ -111,7 +111,9 @@ fn what_is_no_depth_map_is_refused_by_name() {
     let other = |from: &str, to: &str, bytes: usize| [changed_header(from, to), vec![0; bytes]].concat();
     let shape = "expected shape [4, 6] as declared, found [6, 4]";
     refused(&other("(4, 6,)", "(6, 4,)", 96), DepthKind::Metric, shape);
-    refused(&other("<f4", "<f8", 192), DepthKind::Metric, "an array of f32 (`<f4`)");
+    refused(&other("<f4", "<i8", 192), DepthKind::Metric, "an array of floating-point numbers (`<f4`, `<f8` or `<f2`)");
+    std::fs::write(&path, other("<f4", "<f8", 192)).unwrap();
+    assert!(load_depth(place.path(), &record("d", DepthKind::Metric), None).is_ok());
     write_depth_png(&path, WIDTH - 1, HEIGHT, &[1; 20]).unwrap();
     let small = std::fs::read(&path).unwrap();
     refused(&small, DepthKind::Metric, "image size: expected width 6 and height 4");

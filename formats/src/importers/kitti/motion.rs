@@ -27,7 +27,7 @@ const NUM_OXTS: usize = 30;
 enum Poses {
     /// Of camera 0, one for each number.
     ///
-    /// With the moments of the sweeps that have one, between which it moves evenly.
+    /// With the moments of the sweeps, fetched or not, between which it moves evenly.
     Numbered { poses: Vec<Pose>, sweeps: Option<Trajectory> },
     /// Of the inertial sensor: between its moments it is the vehicle that moves evenly.
     Timed { trajectory: Trajectory, imu_from_lidar: Pose },
@@ -42,17 +42,16 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion of a drive: `poses.txt` where there is one, else `oxts/`. `sweeps` are the numbers and moments of the sweeps.
-    pub(super) fn read(drive: &Path, date: &Path, calibration: &Calibration, sweeps: &[(u64, f64)]) -> Result<Self> {
+    /// The motion of a drive: `poses.txt` where there is one, else `oxts/`. `times` are those of the sweeps by their numbers.
+    pub(super) fn read(drive: &Path, date: &Path, calibration: &Calibration, times: &Times) -> Result<Self> {
         let camera_0_from_lidar = calibration.camera_0_from_lidar;
         let file = drive.join("poses.txt");
         if file.is_file() {
             let poses = odometry(&file)?;
-            let moment = |&(number, time): &(u64, f64)| {
-                let pose = usize::try_from(number).ok().and_then(|number| poses.get(number));
-                pose.map(|pose| Moment { time, pose: *pose * camera_0_from_lidar })
-            };
-            let moments: Vec<Moment> = sweeps.iter().filter_map(moment).collect();
+            let moments = poses.iter().zip(times.all());
+            let moment =
+                |(pose, time): (&Pose, Option<f64>)| Some(Moment { time: time?, pose: *pose * camera_0_from_lidar });
+            let moments: Vec<Moment> = moments.filter_map(moment).collect();
             let sweeps = if moments.is_empty() { None } else { Some(Trajectory::new(&file, moments)?) };
             return Ok(Self { file, poses: Poses::Numbered { poses, sweeps }, camera_0_from_lidar });
         }

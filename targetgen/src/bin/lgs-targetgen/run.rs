@@ -48,7 +48,8 @@ fn generate(args: &JobArgs) -> Result<Outcome> {
     threads::set_num_threads(args.scene.threads())?;
     let out = args.out.as_deref().context("--out: expected a folder, found nothing")?;
     let clips = find_clips(&args.clips)?;
-    let part = choose_part(args.part, &|name| std::env::var(name).ok())?;
+    let share = choose_part(out, args.part, &|name| std::env::var(name).ok())?;
+    let part = share.map(|(part, _)| part);
     let model = args.scene.weights.load(args.scene.seed)?;
     let weights = model.as_ref().map(|loaded| loaded.digest.clone());
     let config = TargetsConfig {
@@ -69,6 +70,9 @@ fn generate(args: &JobArgs) -> Result<Outcome> {
         resume: args.resume,
     };
     let mut teller = Teller::new();
+    if let Some((_, shares)) = share {
+        shares.write(out)?;
+    }
     let run = job::run(&job, &mut |event| teller.tell(event))?;
     let manifest = &run.manifest;
     let summary = summarise(out, manifest)?;

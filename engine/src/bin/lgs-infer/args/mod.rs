@@ -153,6 +153,10 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) plain: bool,
 
+    /// As --plain, with 45 further columns `f_rest_0` to `f_rest_44` of zeros, without which SIBR and plugins of Unity read no file
+    #[arg(long)]
+    pub(crate) f_rest: bool,
+
     /// Write `sequence/00000.ply`, `00001.ply`, ... too: plain files for players of 4D scenes, this many for each second between
     /// the first and the last input image [default: none]
     #[arg(long, value_name = "FPS", value_parser = rate)]

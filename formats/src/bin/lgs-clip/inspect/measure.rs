@@ -1,6 +1,6 @@
 //! The figures of an inspection.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use glam::DVec3;
@@ -10,8 +10,9 @@ use lgs_formats::{
 };
 
 use super::{
-    Boxes, CameraReport, INSPECT_FORMAT, Lidar, Report, Returns, Spread,
+    Boxes, CameraReport, INSPECT_FORMAT, Lidar, Report, Returns, Spread, calibration, columns, masks,
     project::{camera_from_lidar, project},
+    units,
     warn::warnings,
 };
 
@@ -26,6 +27,8 @@ struct Swept {
     num_seen: Vec<usize>,
     /// First and last time of its returns, milliseconds after its timestamp.
     times_ms: Option<[f64; 2]>,
+    /// Values in each row of the file, where it is plain that these are not four.
+    row_width: Option<usize>,
 }
 
 /// What is in a clip: every sweep is read, of the images only their records.
@@ -42,7 +45,7 @@ pub(crate) fn measure(dir: &ClipDir) -> Result<Report> {
         num_points: Spread::of(&counts),
         extent_min: swept.iter().fold(DVec3::INFINITY, |m, frame| m.min(frame.extent_min)).to_array(),
         extent_max: swept.iter().fold(DVec3::NEG_INFINITY, |m, frame| m.max(frame.extent_max)).to_array(),
-        path_m: places.windows(2).map(|pair| pair[0].distance(pair[1])).sum(),
+        path_m: places.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, |sum, step| sum + step),
         returns: returns(clip, &swept),
     };
     let mut report = Report {
@@ -58,7 +61,11 @@ pub(crate) fn measure(dir: &ClipDir) -> Result<Report> {
         boxes: boxes(clip),
         warnings: Vec::new(),
     };
-    report.warnings = warnings(clip, &report);
+    report.warnings = [warnings(clip, &report), units::warnings(clip)].concat();
+    let widths: Vec<Option<usize>> = swept.iter().map(|frame| frame.row_width).collect();
+    report.warnings.extend(columns::warning(&widths));
+    report.warnings.extend(masks::warnings(dir)?);
+    report.warnings.extend(calibration::warnings(dir)?);
     Ok(report)
 }
 
@@ -83,8 +90,10 @@ fn sweep(dir: &ClipDir, frame: usize) -> Result<Swept> {
         .map(|record| (&record.camera, camera_from_lidar(&record.camera, &world_from_lidar)))
         .collect();
     let loaded = dir.load_sweep(frame)?;
+    let row_width = columns::row_width(&loaded.points, &loaded.intensities);
     let points = loaded.points;
     let mut swept = Swept {
+        row_width,
         num_points: points.len(),
         num_unseen: 0,
         extent_min: DVec3::INFINITY,
@@ -152,8 +161,10 @@ fn camera(clip: &Clip, swept: &[Swept], name: &str) -> Option<CameraReport> {
     }
     let times: Vec<f64> = records.iter().map(|record| record.camera.timestamp).collect();
     let first = &records.first()?.camera;
+    let sizes: BTreeSet<[u32; 2]> = records.iter().map(|r| [r.camera.height, r.camera.width]).collect();
     Some(CameraReport {
         name: name.to_owned(),
+        sizes: (sizes.len() > 1).then(|| sizes.into_iter().collect()),
         num_images: records.len(),
         width: first.width,
         height: first.height,

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use lgs_formats::{
     clip_dir::ClipDir,
-    image::{ImageSize, RgbImage, write_png},
+    image::{ImageSize, PixelLabel, RgbImage, write_png},
 };
 
 use super::project::{Projected, camera_from_lidar, project};
@@ -16,6 +16,8 @@ const TILE_WIDTH: usize = 640;
 const TILE_HEIGHT: usize = 2 * TILE_WIDTH;
 /// Black between the images, pixels.
 const GAP: usize = 4;
+/// Distance of the stripes over what a mask hides, pixels.
+const STRIPE: usize = 8;
 /// Most frames of a sheet: more are spread evenly.
 const MAX_FRAMES: usize = 4;
 /// Depths of the first and the last colour, metres.
@@ -62,6 +64,7 @@ fn row(dir: &ClipDir, frame: usize, names: &[&str]) -> Result<Vec<Option<RgbImag
         // Near returns over far ones.
         seen.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         let mut tile = loaded.rgb;
+        shade(&mut tile, loaded.labels.as_deref().unwrap_or_default());
         seen.iter().for_each(|point| dot(&mut tile, point));
         tiles.push(Some(tile));
     }
@@ -75,6 +78,21 @@ fn tile(width: usize, height: usize) -> ImageSize {
         return ImageSize { height: scaled, width: TILE_WIDTH };
     }
     ImageSize { height: TILE_HEIGHT, width: (width * TILE_HEIGHT).div_ceil(height) }
+}
+
+/// Draws what a mask says: stripes of magenta over what is ignored, of yellow over what moves.
+fn shade(tile: &mut RgbImage, labels: &[PixelLabel]) {
+    let width = tile.width;
+    for (pixel, label) in labels.iter().enumerate() {
+        let colour = match label {
+            PixelLabel::Ignored => [1.0, 0.0, 1.0],
+            PixelLabel::Dynamic => [1.0, 1.0, 0.0],
+            PixelLabel::Static => continue,
+        };
+        if (pixel % width + pixel / width) % STRIPE < STRIPE / 2 {
+            tile.data[pixel * 3..pixel * 3 + 3].copy_from_slice(&colour);
+        }
+    }
 }
 
 /// Draws a return as two by two pixels.

@@ -65,13 +65,19 @@ fn of_returns(returns: &Returns, num_frames: usize) -> String {
     text
 }
 
+/// All sizes of a camera's images, largest last.
+fn of_sizes(camera: &CameraReport) -> String {
+    let own = [[camera.height, camera.width]];
+    let sizes = camera.sizes.as_deref().unwrap_or(&own);
+    sizes.iter().map(|[height, width]| format!("{height}x{width}")).collect::<Vec<_>>().join(" and ")
+}
+
 fn of_camera(camera: &CameraReport) -> String {
     let (offset, share) = (camera.offset_ms, camera.visible_share.mean * 100.0);
     let mut text = format!(
-        "{} images of {}x{}{}, {:+.0} ms to the sweep, sees {share:.0} % of the points",
+        "{} images of {}{}, {:+.0} ms to the sweep, sees {share:.0} % of the points",
         camera.num_images,
-        camera.height,
-        camera.width,
+        of_sizes(camera),
         hertz(camera.rate_hz),
         offset.mean,
     );
