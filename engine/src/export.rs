@@ -20,11 +20,12 @@ pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 /// policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
 ///
 /// # Formula
-/// `sh_dc = (colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`.
+/// `sh_dc = (brightness * colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`, where `brightness` brings the scene's colours to those of a camera: see
+/// [`Photometry::brightness`](crate::photometry::Photometry::brightness).
 ///
 /// # Errors
 /// [`crate::error::EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
-pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<SplatCloud> {
+pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>, brightness: f32) -> Result<SplatCloud> {
     set.check_finite()?;
     let physical = to_physical(set);
     let rows = &set.attributes;
@@ -33,7 +34,7 @@ pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>) -> Result<Splat
         log_scales: physical.iter().map(|splat| splat.scale.map(f32::ln)).collect(),
         quats: physical.iter().map(|splat| normalised(splat.quat)).collect(),
         logit_opacities: rows.iter().map(|row| row[LOGIT_OPACITY]).collect(),
-        sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (c - 0.5) / SH_DC)).collect(),
+        sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (brightness * c - 0.5) / SH_DC)).collect(),
         velocities: set.velocities.clone(),
         times: set.times.clone(),
         frames: Some(set.frames.clone()),
@@ -111,7 +112,7 @@ mod tests {
 
     #[test]
     fn the_cloud_is_the_scene_as_it_is_drawn() {
-        let cloud = to_cloud(&pair(), None).unwrap();
+        let cloud = to_cloud(&pair(), None, 1.0).unwrap();
         let near = |got: f32, want: f32| assert!((got - want).abs() < 1e-5, "got {got}, want {want}");
         assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
         assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
@@ -133,8 +134,17 @@ mod tests {
             PinholeView { width: 4, height: 2, fx: 3.0, fy: 3.0, cx: 2.0, cy: 1.0, camera_from_clip, time: 0.5 };
         let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
         let (camera, role) = ("front".to_owned(), Role::Input);
-        let view =
-            View { frame: 3, camera, role, pinhole, image, labels: None, response: None, depth_map: None, depth_samples: Vec::new() };
+        let view = View {
+            frame: 3,
+            camera,
+            role,
+            pinhole,
+            image,
+            labels: None,
+            response: None,
+            depth_map: None,
+            depth_samples: Vec::new(),
+        };
         let stop = stop(&view);
         assert_eq!((stop.name.as_str(), stop.time), ("frame 3 front", 0.5));
         let want = [0.0, 0.0, 1.0, 7.0, -1.0, 0.0, 0.0, 2.0, 0.0, -1.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];
@@ -145,11 +155,11 @@ mod tests {
     fn a_value_that_is_not_finite_is_named() {
         let mut set = pair();
         set.attributes[1][LOG_SCALE.start + 2] = f32::NAN;
-        let error = to_cloud(&set, None).unwrap_err().to_string();
+        let error = to_cloud(&set, None, 1.0).unwrap_err().to_string();
         assert_eq!(error, "Gaussian 1, log scale: expected a finite value, found NaN");
         set = pair();
         set.velocities[0][1] = f32::INFINITY;
-        assert!(to_cloud(&set, None).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
+        assert!(to_cloud(&set, None, 1.0).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use lgs_engine::{
     error::Result as EngineResult,
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, motion::Motion, physical::to_physical},
+    photometry::CommonColours,
     pipeline::{Drawing, Figures, Inputs, RenderedView, Silent, Watch, evaluate_views},
     report::{RoleMeans, ViewRecord},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
@@ -79,7 +80,7 @@ impl<'a> Case<'a> {
     pub fn inputs(&self) -> Result<(Inputs<'a>, f64)> {
         let start = Instant::now();
         let inputs = Inputs::new(self.dir, &self.frames, self.frame, self.load(Role::Input)?)?;
-        let inputs = inputs.with_motion(self.motion);
+        let inputs = inputs.with_motion(self.motion).with_common_colours(None);
         Ok((inputs, start.elapsed().as_secs_f64()))
     }
 
@@ -101,8 +102,14 @@ impl<'a> Case<'a> {
     ///
     /// # Errors
     /// Whatever is wrong with an image; a scene that draws a value that is not finite.
-    pub fn judge(&self, scenes: &[&GaussianSet], lpips: Option<&Lpips>) -> Result<Vec<Verdict>> {
-        let held_out = self.load(Role::HeldOut)?;
+    pub fn judge(
+        &self,
+        colours: &CommonColours,
+        scenes: &[&GaussianSet],
+        lpips: Option<&Lpips>,
+    ) -> Result<Vec<Verdict>> {
+        let mut held_out = self.load(Role::HeldOut)?;
+        colours.apply(&mut held_out);
         let views: Vec<&View> = held_out.iter().collect();
         let truth = Figures::OfTruth { clip: self.dir.clip(), frame: &self.frame, lpips };
         let judge = |scene: &&GaussianSet| -> Result<Verdict> {

@@ -248,9 +248,10 @@ pub fn judge(case: &Case<'_>, run: &Run, models: &[LoadedModel], seed: u64, lpip
     let (inputs, _) = case.inputs()?;
     let made = Bench { inputs: &inputs, models, seed }.scenes(run)?;
     let work = case.work(&inputs)?;
+    let colours = inputs.colours().clone();
     drop(inputs);
     let scenes: Vec<&GaussianSet> = made.iter().map(|made| &made.scene).collect();
-    let verdicts = case.judge(&scenes, lpips)?;
+    let verdicts = case.judge(&colours, &scenes, lpips)?;
     let point = |(made, verdict): (&Made, Verdict)| {
         let accuracy =
             Accuracy { figures: verdict.figures, gaussians: made.counts.into(), steps_kept: made.steps_kept };

@@ -9,6 +9,7 @@ mod readers;
 mod readme;
 mod render;
 mod returns;
+mod rig;
 mod scaling;
 mod structure;
 mod sweep;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     cases.extend(structure::cases());
     cases.extend(importers::cases());
     cases.extend(returns::cases());
+    cases.extend(rig::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
     cases.extend(scaling::cases());

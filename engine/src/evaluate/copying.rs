@@ -10,12 +10,12 @@ use crate::views::{Role, View};
 ///
 /// `None` for an input view, whose nearest input image is itself, and where no image of `inputs` is of the camera and has the
 /// view's size.
-pub fn copying(view: &View, inputs: &[View]) -> Option<f64> {
+pub fn copying<'a>(view: &View, inputs: impl IntoIterator<Item = &'a View>) -> Option<f64> {
     if view.role == Role::Input {
         return None;
     }
     let size = |view: &View| (view.image.width, view.image.height);
-    let same = inputs.iter().filter(|input| input.camera == view.camera && size(input) == size(view));
+    let same = inputs.into_iter().filter(|input| input.camera == view.camera && size(input) == size(view));
     let nearest = same.min_by_key(|input| (input.frame.abs_diff(view.frame), input.frame))?;
     let labels = view.labels.as_deref();
     let counts = |pixel: usize| labels.is_none_or(|labels| labels[pixel] != PixelLabel::Ignored);

@@ -37,8 +37,12 @@ pub(super) struct Fit {
     pub(super) cameras: Vec<Shown>,
     /// `[views]` what is added for a single image.
     pub(super) exposures: Vec<f64>,
-    /// Typical error of a logarithm, as the cameras are and with their responses.
+    /// Typical error of a logarithm at places of several cameras, as the cameras are and with their responses.
     pub(super) errors: [f64; 2],
+    /// Number of these places.
+    pub(super) shared: usize,
+    /// `[cameras]` mean change of the logarithm by the response, over what the camera shows of shared places.
+    pub(super) changes: Vec<f64>,
 }
 
 /// Where parameters stand in a vector.
@@ -67,7 +71,8 @@ impl Layout {
 /// `cameras` `[views]` the camera of each view.
 pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize, reference: usize) -> Fit {
     let layout = Layout { cameras: num_cameras, views: cameras.len() };
-    let identity: Vec<f64> = (0..layout.len()).map(|i| if i < 6 * num_cameras && i % 6 == 3 { 1.0 } else { 0.0 }).collect();
+    let identity: Vec<f64> =
+        (0..layout.len()).map(|i| if i < 6 * num_cameras && i % 6 == 3 { 1.0 } else { 0.0 }).collect();
     let several: Vec<&Range<usize>> =
         observed.places.iter().filter(|run| differ(&observed.all[(*run).clone()], cameras)).collect();
     let mut errors = vec![0.0; observed.all.len()];
@@ -96,6 +101,17 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
         parameters = step(observed, cameras, layout, &weights, &beliefs, &parameters);
         spread(&parameters, &mut errors);
     }
+    let common = |seen: &Observation, channel: usize| {
+        let run = std::slice::from_ref(seen);
+        Place { seen: run, cameras, layout, parameters: &parameters, channel }.common(std::iter::once(1.0))
+    };
+    let mut changes = vec![(0.0, 0.0); num_cameras];
+    for seen in several.iter().flat_map(|run| &observed.all[(*run).clone()]) {
+        let change = (0..3).map(|k| (common(seen, k) - seen.log[k]).abs()).sum::<f64>() / 3.0;
+        let (sum, weight) = &mut changes[cameras[seen.view]];
+        *sum += seen.weight * change;
+        *weight += seen.weight;
+    }
     let camera = |c: usize| {
         let own = &parameters[6 * c..6 * c + 6];
         Shown { offset: [own[0], own[1], own[2]], slope: own[3], vignetting: [own[4], own[5]] }
@@ -104,6 +120,8 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
         cameras: (0..num_cameras).map(camera).collect(),
         exposures: parameters[6 * num_cameras..].to_vec(),
         errors: [before, typical(&errors)],
+        shared: several.len(),
+        changes: changes.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { 0.0 }).collect(),
     }
 }
 

@@ -5,7 +5,7 @@
 
 use lgs_formats::{clip_dir::ClipDir, image::ImageSize};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     error::Result,
@@ -25,6 +25,17 @@ const LESS: f64 = 0.95;
 const MOST: f64 = 0.8;
 /// Darkness that logarithms of brightness end at.
 const DARKEST: f32 = 4.0 / 255.0;
+
+/// Which lens distortion images have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Lenses {
+    /// What the clip states, unless the returns say that the images were rectified before.
+    #[default]
+    Auto,
+    /// What the clip states.
+    Stated,
+}
 
 /// What the returns say of the lenses of a clip.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -92,7 +103,6 @@ pub fn with_fitting_lenses(dir: ClipDir, selection: &Selection) -> Result<(ClipD
     let agreed: f64 = pairs.iter().filter(|p| p.unexplained[1] < p.unexplained[0]).map(|pair| pair.count).sum();
     let unexplained = [mean(0), mean(1)];
     let believed = total > 0.0 && unexplained[1] < LESS * unexplained[0] && agreed >= MOST * total;
-    if std::env::var_os("LGS_PHOTO").is_some() { for p in &pairs { eprintln!("{} {:?}", p.count, p.unexplained); } eprintln!("{unexplained:?}"); }
     Ok(if believed { (plain, Some(LensFinding { cameras, unexplained })) } else { (dir, None) })
 }
 

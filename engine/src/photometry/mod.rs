@@ -5,38 +5,83 @@
 //! are brought to common colours on the way in, and what is drawn is shown through the response of its camera on the way out.
 
 mod fit;
+mod grey;
 mod lenses;
 mod observations;
+#[cfg(test)]
+mod tests;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+pub use grey::put_aside;
+pub use lenses::{LensFinding, Lenses, with_fitting_lenses};
 
 use crate::views::{Response, View, to_f32};
-
-pub use lenses::{LensFinding, with_fitting_lenses};
-
-use fit::{Shown, fit};
+use fit::{Fit, Shown, fit};
 use observations::observe;
 
-/// Places that cameras must share before anything is said of them.
+/// Places of several cameras that say anything of them.
 const FEWEST_PLACES: usize = 50;
-/// A camera whose typical colours change by less than this share is left as it is.
+/// A response that changes colours by less than this share, in the mean over what its camera shows of shared places, is none ...
 const LEAST_CHANGE: f64 = 0.02;
+/// ... and so are all where they leave more than this share of the cameras' difference.
+const LEAST_GAIN: f64 = 0.8;
 /// What is brighter than all but this share of the pixels may be clipped in the common space.
 const CLIPPED: f64 = 1e-3;
 /// Pixels of an image that are looked at for that: every so many.
 const STRIDE: usize = 13;
 
+/// Whether cameras are brought to common colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Colours {
+    /// Where cameras of a rig show the same places in other colours.
+    #[default]
+    Auto,
+    /// Never: every image as its camera took it.
+    AsTaken,
+}
+
+/// How images are compared with a scene: what an input image's camera made of light holds for every other image that it takes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CommonColours {
+    /// The responses of cameras that disagree; `None` where they agree.
+    pub photometry: Option<Photometry>,
+    /// Names of the grey cameras that stepped aside.
+    pub grey: Vec<String>,
+}
+
+impl CommonColours {
+    /// Nothing: the images of these views, as the cameras took them, become such of common colours.
+    pub fn apply(&self, views: &mut [View]) {
+        for view in views {
+            if self.grey.contains(&view.camera) {
+                view.response = Some(Response::GREY);
+            } else if let Some(photometry) = &self.photometry {
+                view.make_common(photometry.response(&view.camera, view.pinhole.time));
+            }
+        }
+    }
+
+    /// What is told of it, for people.
+    pub fn in_words(&self) -> impl Iterator<Item = String> {
+        let grey = (!self.grey.is_empty())
+            .then(|| format!("{} grey; nothing is taken from where colour cameras see the same", self.grey.join(", ")));
+        self.photometry.as_ref().map(Photometry::in_words).into_iter().chain(grey)
+    }
+}
+
 /// The responses of the images of a clip.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Photometry {
-    /// Name of the camera whose colours the common ones are; `None` where the images are taken as they are.
-    pub reference: Option<String>,
-    /// Common colours times this are those of the reference camera; 1 where it clips nothing that others show.
+    /// Name of the camera whose colours the common ones are.
+    pub reference: String,
+    /// Common colours times this are those of the reference camera: more than 1 where others show what it clips.
     pub brightness: f32,
+    /// Typical difference of the colours of one place, as a share: as they are, and by their responses.
+    pub differences: [f32; 2],
     /// Each input image's, in the order of the views.
     pub images: Vec<ImageResponse>,
-    /// Typical difference of two cameras' colours of one place, as a share: as they are, and by their responses.
-    pub differences: Option<[f32; 2]>,
 }
 
 /// The response of one image.
@@ -55,63 +100,40 @@ pub struct ImageResponse {
 }
 
 impl Photometry {
-    /// The images as they are.
-    pub fn none() -> Self {
-        Self { reference: None, brightness: 1.0, images: Vec::new(), differences: None }
-    }
-
-    /// The responses under which `views` agree; [`Photometry::none`] where they do as they are, or where they share too little to tell.
-    pub fn estimate(views: &[View], reference: Option<&str>) -> Self {
+    /// The responses under which `views` agree, in the colours of the camera `reference` or else of the first; `None` where they agree as
+    /// they are, or share too little to tell.
+    pub fn estimate(views: &[View], reference: Option<&str>) -> Option<Self> {
         let mut names: Vec<&str> = Vec::new();
         for view in views {
             if !names.contains(&view.camera.as_str()) {
                 names.push(&view.camera);
             }
         }
-        let camera_of = |view: &View| names.iter().position(|name| *name == view.camera).unwrap_or(0);
-        let cameras: Vec<usize> = views.iter().map(camera_of).collect();
-        let reference = reference.and_then(|name| names.iter().position(|other| *other == name)).unwrap_or(0);
         if names.len() < 2 {
-            return Self::none();
+            return None;
         }
+        let place = |name: &str| names.iter().position(|other| *other == name);
+        let cameras: Vec<usize> = views.iter().map(|view| place(&view.camera).unwrap_or(0)).collect();
+        let reference = reference.and_then(place).unwrap_or(0);
         let observed = observe(views);
         let found = fit(&observed, &cameras, names.len(), reference);
-        if std::env::var_os("LGS_PHOTO").is_some() {
-            eprintln!("{} places {:?}", observed.places.len(), found);
+        let [before, after] = found.errors;
+        let changed = found.changes.iter().any(|&change| change > LEAST_CHANGE);
+        if found.shared < FEWEST_PLACES || !changed || after > LEAST_GAIN * before {
+            return None;
         }
-        let images = views.iter().zip(&cameras).zip(&found.exposures);
-        let mut images: Vec<ImageResponse> = images
-            .map(|((view, &camera), &exposure)| ImageResponse {
-                frame: view.frame,
-                camera: view.camera.clone(),
-                time: view.pinhole.time,
-                response: found.cameras[camera].response(exposure),
-            })
-            .collect();
+        let mut images = images(views, &cameras, &found);
         let brightness = brightest(views, &images);
         for image in &mut images {
             image.response.gain = image.response.gain.map(|gain| gain * brightness);
         }
-        Self {
-            reference: Some(names[reference].to_owned()),
-            brightness,
-            images,
-            differences: Some(found.errors.map(to_f32)),
-        }
+        let differences = found.errors.map(to_f32);
+        Some(Self { reference: names[reference].to_owned(), brightness, differences, images })
     }
 
-    /// Nothing: the images of these views, as the cameras took them, become such of common colours.
-    pub fn apply(&self, views: &mut [View]) {
-        for view in views {
-            if let Some(response) = self.response(&view.camera, view.pinhole.time) {
-                view.make_common(response);
-            }
-        }
-    }
-
-    /// How a camera shows common colours at a moment: as its input images nearest in time do, in between by time. `None` where it
-    /// shows them as they are.
-    pub fn response(&self, camera: &str, time: f32) -> Option<Response> {
+    /// How a camera shows common colours at a moment: as its input images nearest in time do, in between by time; as the reference camera
+    /// does for one that has none.
+    pub fn response(&self, camera: &str, time: f32) -> Response {
         let own = || self.images.iter().filter(|image| image.camera == camera);
         let before = own().filter(|image| image.time <= time).max_by(|a, b| a.time.total_cmp(&b.time));
         let after = own().filter(|image| image.time >= time).min_by(|a, b| a.time.total_cmp(&b.time));
@@ -122,12 +144,36 @@ impl Photometry {
                     let [from, to] = [before, after].map(|image| image.response.gain[k].ln());
                     (from + share * (to - from)).exp()
                 };
-                Some(Response { gain: std::array::from_fn(gain), ..before.response })
+                Response { gain: std::array::from_fn(gain), ..before.response }
             }
-            (Some(near), _) | (None, Some(near)) => Some(near.response),
-            (None, None) => (!self.images.is_empty()).then(|| Response { gain: [self.brightness; 3], ..Response::IDENTITY }),
+            (Some(near), _) | (None, Some(near)) => near.response,
+            (None, None) => self.plain(),
         }
     }
+
+    /// How the reference camera would show common colours without vignetting: what files and films hold.
+    pub const fn plain(&self) -> Response {
+        Response { gain: [self.brightness; 3], ..Response::IDENTITY }
+    }
+
+    /// What was found, for people.
+    pub fn in_words(&self) -> String {
+        let [before, after] = self.differences.map(|share| 100.0 * share);
+        format!(
+            "brought to the colours of {}: the same places differed by {before:.0} %, now by {after:.0} %",
+            self.reference
+        )
+    }
+}
+
+fn images(views: &[View], cameras: &[usize], found: &Fit) -> Vec<ImageResponse> {
+    let image = |((view, &camera), &exposure): ((&View, &usize), &f64)| ImageResponse {
+        frame: view.frame,
+        camera: view.camera.clone(),
+        time: view.pinhole.time,
+        response: found.cameras[camera].response(exposure),
+    };
+    views.iter().zip(cameras).zip(&found.exposures).map(image).collect()
 }
 
 impl Shown {
@@ -136,11 +182,13 @@ impl Shown {
             gain: self.offset.map(|offset| to_f32(((offset + exposure) / self.slope).exp())),
             tone: to_f32(self.slope),
             vignetting: self.vignetting.map(|term| to_f32(-term / self.slope)),
+            grey: false,
         }
     }
 }
 
 /// What the brightest common colours are, at least 1.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
 fn brightest(views: &[View], images: &[ImageResponse]) -> f32 {
     let of = |(view, image): (&View, &ImageResponse)| {
         let mut changed = view.image.data.clone();

@@ -61,7 +61,8 @@ pub(super) fn observe(views: &[View]) -> Observations {
     };
     let most = (MOST_PLACES / (2 * views.len().max(1))).max(1);
     let of_view = |(own, from): (usize, &Seen<'_>)| -> Vec<Vec<Observation>> {
-        let others = || seen.iter().enumerate().filter(|(k, other)| *k != own && near(other.view.frame, from.view.frame));
+        let others =
+            || seen.iter().enumerate().filter(|(k, other)| *k != own && near(other.view.frame, from.view.frame));
         let follow = |start: Projected, is_sky: bool| {
             let place = from.view.pinhole.unproject(start);
             let mut found = vec![from.observe(own, start)?];

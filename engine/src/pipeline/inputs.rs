@@ -5,7 +5,7 @@ use lgs_formats::clip_dir::ClipDir;
 use crate::{
     error::{EngineError, Result},
     gaussians::motion::{self, Motion, Movement, MovingBox},
-    photometry::Photometry,
+    photometry::{self, CommonColours, Photometry},
     points::{self, PointCloud, Turn},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
@@ -18,7 +18,8 @@ pub struct Inputs<'a> {
     frame: ClipFrame,
     views: Vec<View>,
     motion: Motion,
-    photometry: Photometry,
+    colours: CommonColours,
+    aside: Vec<View>,
 }
 
 impl<'a> Inputs<'a> {
@@ -30,7 +31,10 @@ impl<'a> Inputs<'a> {
         let allowed = |view: &View| view.role == Role::Input && frames.input.contains(&view.frame);
         match views.iter().find(|view| !allowed(view)) {
             Some(view) => Err(EngineError::Leak { frame: view.frame }),
-            None => Ok(Self { dir, frames: frames.input.clone(), frame, views, motion: Motion::default(), photometry: Photometry::none() }),
+            None => {
+                let (frames, motion, aside) = (frames.input.clone(), Motion::default(), Vec::new());
+                Ok(Self { dir, frames, frame, views, motion, colours: CommonColours::default(), aside })
+            }
         }
     }
 
@@ -40,17 +44,27 @@ impl<'a> Inputs<'a> {
         Self { motion, ..self }
     }
 
-    /// The same with images of common colours, as far as their cameras disagree: those of the camera `reference`, or of the first.
+    /// The same with cameras that agree on colours: grey ones beside colour ones step aside, and where colour ones disagree all images are of
+    /// common colours, those of the camera `reference` or else of the first.
     #[must_use]
     pub fn with_common_colours(mut self, reference: Option<&str>) -> Self {
-        self.photometry = Photometry::estimate(&self.views, reference);
-        self.photometry.apply(&mut self.views);
+        self.aside = photometry::put_aside(&mut self.views);
+        let mut grey: Vec<String> = self.aside.iter().map(|view| view.camera.clone()).collect();
+        grey.sort_unstable();
+        grey.dedup();
+        self.colours = CommonColours { photometry: Photometry::estimate(&self.views, reference), grey };
+        self.colours.apply(&mut self.views);
         self
     }
 
-    /// How the cameras show the colours of the scene.
-    pub const fn photometry(&self) -> &Photometry {
-        &self.photometry
+    /// How images are compared with a scene that these make.
+    pub const fn colours(&self) -> &CommonColours {
+        &self.colours
+    }
+
+    /// The views of grey cameras, from which nothing is taken.
+    pub fn aside(&self) -> &[View] {
+        &self.aside
     }
 
     /// Where the initial velocities come from.

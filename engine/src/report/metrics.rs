@@ -11,6 +11,7 @@ use crate::{
         background::{MapFit, Mode},
         motion::Motion,
     },
+    photometry::{Colours, LensFinding, Lenses, Photometry},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
     points::Turn,
@@ -56,6 +57,12 @@ pub struct Metrics {
     /// How the `LiDAR` turned while it measured a sweep, where the clip does not say and the sweeps tell; no key elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lidar_turn: Option<Turn>,
+    /// What the returns said of the lenses; no key where it is what the clip states.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lenses: Option<LensFinding>,
+    /// How the cameras show the scene's colours; no key where these are the images' own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub photometry: Option<Photometry>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.
@@ -99,6 +106,13 @@ pub struct Config {
     pub coarseness: Coarseness,
     /// Where the initial velocities came from.
     pub motion: Motion,
+    /// Which lens distortion was taken.
+    pub lenses: Lenses,
+    /// Whether cameras were to be brought to common colours.
+    pub colours: Colours,
+    /// The camera whose colours these were to be; `None` for the first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_camera: Option<String>,
     /// Who refined: `learned`, or `adam:N` after the steps of the network; `None` for nobody.
     pub refine_with: Option<String>,
     /// Steps of the learned refinement; `None` without a network.

@@ -29,11 +29,20 @@ pub struct Response {
     pub tone: f32,
     /// `[v1, v2]`
     pub vignetting: [f32; 2],
+    /// Whether it shows brightness alone.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub grey: bool,
 }
+
+/// What red, green and blue are worth as brightness (ITU-R BT.601).
+const BRIGHTNESS: [f32; 3] = [0.299, 0.587, 0.114];
 
 impl Response {
     /// Shows common colours as they are.
-    pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2] };
+    pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2], grey: false };
+
+    /// Shows common colours as brightness.
+    pub const GREY: Self = Self { grey: true, ..Self::IDENTITY };
 
     /// The common colours of an image, in its place. What the camera clips is as bright as it can show.
     ///
@@ -52,6 +61,11 @@ impl Response {
     /// # Shapes
     /// `rgb` `[H, W, 3]`.
     pub fn show(self, rgb: &mut [f32], pinhole: &PinholeView) {
+        if self.grey {
+            for pixel in rgb.as_chunks_mut::<3>().0 {
+                *pixel = [pixel.iter().zip(BRIGHTNESS).map(|(value, worth)| value * worth).sum(); 3];
+            }
+        }
         self.each(rgb, pinhole, |value, gain| {
             let straight = (value * gain).max(0.0);
             let shown = if self.tone == 1.0 { straight } else { curved(straight, self.tone) };
@@ -101,6 +115,14 @@ impl View {
             depth_map: None,
             depth_samples: self.depth_samples.clone(),
             ..*self
+        })
+    }
+
+    /// Where the returns of its sweep that it shows are, metres, clip frame.
+    pub(crate) fn returns(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.depth_samples.iter().map(|&super::DepthSample { pixel, depth }| {
+            let (row, column) = (pixel as usize / self.pinhole.width, pixel as usize % self.pinhole.width);
+            self.pinhole.unproject(super::Projected { u: column as f32 + 0.5, v: row as f32 + 0.5, depth })
         })
     }
 

@@ -210,7 +210,7 @@ fn not_drawn() -> Outcome {
 }
 
 fn not_written() -> Outcome {
-    each_is_named(|set| to_cloud(set, None).map(drop).map_err(|e| e.to_string()))
+    each_is_named(|set| to_cloud(set, None, 1.0).map(drop).map_err(|e| e.to_string()))
 }
 
 fn not_refined() -> Outcome {

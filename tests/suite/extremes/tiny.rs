@@ -189,5 +189,15 @@ pub(super) fn view_of(data: Vec<f32>) -> View {
     let depth_samples = (0..561).step_by(7).map(|pixel| DepthSample { pixel, depth: 5.0 }).collect();
     let image = RgbImage { width: AHEAD.width, height: AHEAD.height, data };
     let camera = "ahead".to_owned();
-    View { frame: 0, camera, role: Role::Input, pinhole: AHEAD, image, labels: None, response: None, depth_map: None, depth_samples }
+    View {
+        frame: 0,
+        camera,
+        role: Role::Input,
+        pinhole: AHEAD,
+        image,
+        labels: None,
+        response: None,
+        depth_map: None,
+        depth_samples,
+    }
 }

@@ -59,7 +59,10 @@ impl<'a> Subject<'a> {
         let frame = ClipFrame::of(clip, frames.input.first().copied().unwrap_or(0));
         let load = |role| load_views(dir, &selection, role, &frame, &|| ());
         let inputs = Inputs::new(dir, &frames, frame, load(Role::Input)?)?.with_motion(choice.motion);
-        Ok(Self { dir, frame, inputs, held_out: load(Role::HeldOut)?, frames, lpips })
+        let inputs = inputs.with_common_colours(None);
+        let mut held_out = load(Role::HeldOut)?;
+        inputs.colours().apply(&mut held_out);
+        Ok(Self { dir, frame, inputs, held_out, frames, lpips })
     }
 
     /// What the reconstruction reads.

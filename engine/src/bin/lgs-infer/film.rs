@@ -8,7 +8,7 @@ use lgs_engine::{
     gaussians::physical::Splat,
     pipeline::{Flags, Need, Progress, Stage},
     render::{Pass, Probes, render},
-    views::{ClipFrame, PinholeView, View, between, keys_of_camera, path_views},
+    views::{ClipFrame, PinholeView, Response, View, between, keys_of_camera, path_views},
 };
 use lgs_formats::{
     camera::Camera,
@@ -77,7 +77,13 @@ impl Film {
     }
 
     /// Nothing: writes `path/00000.png`, `path/00001.png`, ... and all of them as `path.png`, which moves.
-    pub(crate) fn write(&self, scene: &[Splat], out: &Path, progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn write(
+        &self,
+        scene: &[Splat],
+        shown: Option<Response>,
+        out: &Path,
+        progress: &dyn Progress,
+    ) -> Result<()> {
         let Some(first) = self.views.first() else { return Ok(()) };
         if Probes::of_splats(scene).check(&self.views, Pass::Images).is_err() {
             return Err(too_large(first));
@@ -93,7 +99,11 @@ impl Film {
         };
         progress.begin(Stage::Render, self.views.len());
         let written = write_animation(&out.join("path.png"), film, &mut |index| {
-            let drawn = render(scene, &self.views[index as usize], BEHIND);
+            let view = &self.views[index as usize];
+            let mut drawn = render(scene, view, BEHIND);
+            if let Some(response) = shown {
+                response.show(&mut drawn.rgb, view);
+            }
             let image = RgbImage { width: drawn.width, height: drawn.height, data: drawn.rgb };
             write_png(&folder.join(format!("{index:05}.png")), &image)?;
             progress.step(Stage::Render);

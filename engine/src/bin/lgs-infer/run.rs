@@ -13,11 +13,11 @@ use lgs_engine::{
         describe::describe,
         source::{ModelSource, config_of},
     },
+    photometry::{Colours, Lenses, Photometry, with_fitting_lenses},
     pipeline::{
         Drawing, Figures, Flags, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin,
         check_memory, evaluate_views, optimise,
     },
-    photometry::with_fitting_lenses,
     plan::Recipe,
     refine::Turns,
     report::{
@@ -67,12 +67,19 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let selection = selection(args, &dir)?;
-    let (dir, lenses) = watch.time(Stage::Load, |_| with_fitting_lenses(dir, &selection))?;
+    let (dir, lenses) = match args.lenses {
+        Lenses::Auto => watch.time(Stage::Load, |_| with_fitting_lenses(dir, &selection))?,
+        Lenses::Stated => (dir, None),
+    };
     let job = Job::new(args, &dir, selection)?;
     check_memory(&dir, &job.selection, Flags::default())?;
 
     let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let inputs = inputs.with_motion(args.motion).with_common_colours(None);
+    let inputs = inputs.with_motion(args.motion);
+    let inputs = match args.colours {
+        Colours::Auto => watch.time(Stage::Load, |_| inputs.with_common_colours(args.reference_camera.as_deref())),
+        Colours::AsTaken => inputs,
+    };
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -102,7 +109,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     plan.spent(&reconstruction, start);
-    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref())?;
+    let brightness = inputs.colours().photometry.as_ref().map_or(1.0, |photometry| photometry.brightness);
+    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), brightness)?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
@@ -120,6 +128,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         optimisation: reconstruction.optimisation,
         depth_maps: reconstruction.depth_maps,
         lidar_turn: reconstruction.turn,
+        lenses,
+        photometry: inputs.colours().photometry.clone(),
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),
@@ -132,14 +142,24 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
     let viewer = viewer.as_deref();
     if let Some(film) = &film {
-        film.write(&to_physical(&reconstruction.scene), &out, &bars)?;
+        film.write(
+            &to_physical(&reconstruction.scene),
+            inputs.colours().photometry.as_ref().map(Photometry::plain),
+            &out,
+            &bars,
+        )?;
     }
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
     let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
     let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
-    let lenses = lenses.map(|found| format!("lenses: {}", found.in_words()));
-    Ok(Outcome { text, notes: maps.into_iter().chain(turn).chain(lenses).collect(), has_findings: false })
+    let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
+    let colours = inputs.colours().in_words().map(|words| format!("cameras: {words}"));
+    Ok(Outcome {
+        text,
+        notes: maps.into_iter().chain(turn).chain(lenses).chain(colours).collect(),
+        has_findings: false,
+    })
 }
 
 /// What of the clip's files the run reads.
@@ -216,15 +236,19 @@ impl<'a> Job<'a> {
             return Ok(Vec::new());
         }
         let mut held_out = self.load(Role::HeldOut, watch)?;
-        inputs.photometry().apply(&mut held_out);
-        let seen = if self.args.views == ViewsArg::All { inputs.views() } else { &[] };
+        inputs.colours().apply(&mut held_out);
+        let all = self.args.views == ViewsArg::All;
+        let seen = inputs.views().iter().chain(inputs.aside()).filter(|_| all);
         let figures = self.args.at_time.map_or_else(|| self.figures(), Figures::AtTime);
         let mut views: Vec<&View> = held_out.iter().chain(seen).collect();
         views.sort_by_key(|view| view.frame);
         let width = report_width(views.len());
         let keep = |drawn: RenderedView<'_>| -> Result<(ViewRecord, ViewPictures)> {
             let RenderedView { view, figures: measured, .. } = drawn;
-            let with_copy = |of: &ViewFigures| ViewFigures { psnr_copying: copying(view, inputs.views()), ..*of };
+            let with_copy = |of: &ViewFigures| ViewFigures {
+                psnr_copying: copying(view, inputs.views().iter().chain(inputs.aside())),
+                ..*of
+            };
             let measured = measured.map(with_copy).unwrap_or_default();
             let View { frame, camera, role, .. } = view;
             let record = ViewRecord { frame: *frame, camera: camera.clone(), role: *role, figures: measured };
@@ -241,7 +265,7 @@ impl<'a> Job<'a> {
 
     fn config(&self, inputs: &Inputs<'_>, recipe: &Recipe) -> Config {
         let mut cameras: Vec<String> = Vec::new();
-        for view in inputs.views() {
+        for view in inputs.views().iter().chain(inputs.aside()) {
             if !cameras.contains(&view.camera) {
                 cameras.push(view.camera.clone());
             }
@@ -256,6 +280,9 @@ impl<'a> Job<'a> {
             background: recipe.background,
             coarseness: recipe.coarseness,
             motion: inputs.motion(),
+            lenses: self.args.lenses,
+            colours: self.args.colours,
+            reference_camera: self.args.reference_camera.clone(),
             refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {
                 0 => "learned".to_owned(),
                 steps => format!("adam:{steps}"),

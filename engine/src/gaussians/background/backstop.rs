@@ -70,7 +70,8 @@ impl Grid {
             let (row, column) = (2 * (i / columns), 2 * (i % columns));
             let inside = row > 0 && column > 0 && (row + 2) < before.len() / self_columns && column + 2 < self_columns;
             let cell = |k: usize| before[(row + k / 4 - 1) * self_columns + column + k % 4 - 1];
-            !inside || (0..16).any(|k| cell(k).is_none_or(|other| (1.0 + factor * SAME_DEPTH) * other.farthest < farthest))
+            !inside
+                || (0..16).any(|k| cell(k).is_none_or(|other| (1.0 + factor * SAME_DEPTH) * other.farthest < farthest))
         };
         let of_four = |i: usize| {
             let corner = i / columns * 2 * self.columns + i % columns * 2;

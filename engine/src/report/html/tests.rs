@@ -4,6 +4,7 @@ use super::*;
 use crate::{
     evaluate::ViewFigures,
     gaussians::{Coarseness, background::Mode, motion::Motion},
+    photometry::{Colours, Lenses},
     pipeline::{GaussianCounts, StageTimes},
     report::{Config, METRICS_FORMAT, MovingShares, RoleMeans, ViewRecord},
 };
@@ -25,6 +26,9 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             background: Mode::Auto,
             coarseness: Coarseness::default(),
             motion: Motion::Registered,
+            lenses: Lenses::Auto,
+            colours: Colours::Auto,
+            reference_camera: None,
             refine_with: None,
             refine_steps: None,
             refine_views: None,
@@ -49,6 +53,8 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         optimisation: None,
         depth_maps: Vec::new(),
         lidar_turn: None,
+        lenses: None,
+        photometry: None,
         stages_s: StageTimes::default(),
         reconstruction_s: 0.5,
         peak_rss_mb: None,

@@ -11,6 +11,7 @@ use lgs_engine::{
     densify::{Density, Limit},
     gaussians::{Coarseness, background::Mode, motion::Motion},
     network::{shipped, source::ModelSource},
+    photometry::{Colours, Lenses},
     pipeline::HoldOut,
     plan::{Named, Recipe},
     refine::LineSearch,
@@ -143,6 +144,19 @@ pub(crate) struct Args {
     /// Where the velocities of the LiDAR Gaussians come from at first
     #[arg(long, value_enum, default_value_t)]
     pub(crate) motion: Motion,
+
+    /// Which lens distortion the images have: `auto`, what the clip states unless the returns say that the images were rectified before;
+    /// `stated`
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) lenses: Lenses,
+
+    /// Whether cameras that show the same places in other colours are brought to common ones: `auto` or `as-taken`
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) colours: Colours,
+
+    /// The camera whose colours these are [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) reference_camera: Option<String>,
 
     /// Views to draw, measure and write: `all`, `held-out` or `none`
     #[arg(long, value_enum, default_value_t = ViewsArg::All)]

@@ -1,0 +1,108 @@
+//! Cameras of known responses before a wall.
+
+use super::{Photometry, put_aside};
+use crate::views::{
+    DepthSample, PinholeView, Projected, Response, View,
+    samples::{ahead, seen},
+};
+
+const WIDTH: usize = 96;
+const HEIGHT: usize = 64;
+/// Distance of the wall, metres.
+const WALL: f32 = 10.0;
+
+/// The colour of the wall at a place: smooth, so that a pixel is like its neighbours.
+fn wall([x, y, _]: [f32; 3]) -> [f32; 3] {
+    let wave = |speed: f32, shift: f32| 0.4 + 0.25 * (speed * x + shift).sin() * (0.5 * speed * y + shift).cos();
+    [wave(0.6, 0.0), wave(0.4, 1.0), wave(0.5, 2.0)]
+}
+
+/// What a camera so far to the right sees of it through a response.
+fn view(camera: &str, frame: usize, right: f32, response: Response) -> View {
+    let mut pinhole = PinholeView { time: 0.1 * frame as f32, ..ahead(WIDTH, HEIGHT, 60.0) };
+    pinhole.camera_from_clip[0][3] = -right;
+    let at = |i: usize| Projected { u: (i % WIDTH) as f32 + 0.5, v: (i / WIDTH) as f32 + 0.5, depth: WALL };
+    let mut data: Vec<f32> = (0..WIDTH * HEIGHT).flat_map(|i| wall(pinhole.unproject(at(i)))).collect();
+    response.show(&mut data, &pinhole);
+    let sample = |pixel: usize| DepthSample { pixel: pixel as u32, depth: WALL };
+    let depth_samples = (0..WIDTH * HEIGHT).step_by(3).map(sample).collect();
+    View { frame, camera: camera.to_owned(), depth_samples, ..seen(pinhole, data) }
+}
+
+fn rig(second: Response) -> Vec<View> {
+    let of = |frame: usize| {
+        let moved = 0.8 * frame as f32;
+        [view("a", frame, moved, Response::IDENTITY), view("b", frame, moved + 4.0, second)]
+    };
+    (0..3).flat_map(of).collect()
+}
+
+#[test]
+fn cameras_that_agree_and_one_alone_stay_as_they_are() {
+    assert_eq!(Photometry::estimate(&rig(Response::IDENTITY), None), None);
+    let dark = Response { gain: [0.5; 3], ..Response::IDENTITY };
+    let alone: Vec<View> = rig(dark).into_iter().filter(|view| view.camera == "b").collect();
+    assert_eq!(Photometry::estimate(&alone, None), None);
+}
+
+#[test]
+fn a_response_is_found_again_and_undone() {
+    let second = Response { gain: [0.6, 0.7, 0.8], tone: 0.9, vignetting: [0.3, 0.0], grey: false };
+    let mut views = rig(second);
+    let taken = views.clone();
+    let found = Photometry::estimate(&views, None).unwrap();
+    assert_eq!((found.reference.as_str(), found.brightness), ("a", 1.0));
+    for view in &mut views {
+        view.make_common(found.response(&view.camera, view.pinhole.time));
+    }
+    let truth = rig(Response::IDENTITY);
+    for ((common, taken), truth) in views.iter().zip(&taken).zip(&truth) {
+        for (got, want) in common.image.data.iter().zip(&truth.image.data) {
+            assert!((got - want).abs() < 0.03, "{}: got {got}, want {want}", common.camera);
+        }
+        for (got, want) in common.as_taken().image.data.iter().zip(&taken.image.data) {
+            assert!((got - want).abs() < 1e-5, "back again: got {got}, want {want}");
+        }
+    }
+}
+
+#[test]
+fn common_colours_hold_what_the_reference_clips() {
+    let dark = Response { gain: [0.5; 3], ..Response::IDENTITY };
+    let found = Photometry::estimate(&rig(dark), Some("b")).unwrap();
+    assert_eq!(found.reference, "b");
+    // What `a` shows as 0.65 is 0.33 in the colours of `b`: nothing is clipped.
+    assert_eq!(found.brightness, 1.0);
+    let bright = Response { gain: [1.5; 3], ..Response::IDENTITY };
+    let found = Photometry::estimate(&rig(bright), Some("b")).unwrap();
+    assert!(found.brightness <= 1.05, "{}", found.brightness);
+    let found = Photometry::estimate(&rig(Response { gain: [0.6; 3], ..bright }), Some("b")).unwrap();
+    let plain = found.plain();
+    assert_eq!(plain.gain, [found.brightness; 3]);
+}
+
+#[test]
+fn a_held_out_moment_takes_what_lies_between() {
+    let mut found = Photometry::estimate(&rig(Response { gain: [0.5; 3], ..Response::IDENTITY }), None).unwrap();
+    let of_b: Vec<usize> = (0..found.images.len()).filter(|&i| found.images[i].camera == "b").collect();
+    found.images[of_b[0]].response.gain = [0.4; 3];
+    found.images[of_b[1]].response.gain = [0.9; 3];
+    let between = found.response("b", 0.05).gain[0];
+    assert!((between - 0.6).abs() < 1e-4, "{between}");
+    assert_eq!(found.response("b", -1.0).gain, [0.4; 3]);
+    assert_eq!(found.response("another", 0.0), found.plain());
+}
+
+#[test]
+fn grey_cameras_step_aside_only_beside_colour() {
+    let mut views = rig(Response::IDENTITY);
+    for (view, other) in (0..3).map(|frame| (view("grey", frame, 0.8 * frame as f32, Response::GREY), frame)) {
+        assert_eq!(view.frame, other);
+        views.push(view);
+    }
+    let aside = put_aside(&mut views);
+    assert_eq!((views.len(), aside.len()), (6, 3));
+    assert!(aside.iter().all(|view| view.camera == "grey" && view.response == Some(Response::GREY)));
+    let mut all_grey = aside.clone();
+    assert!(put_aside(&mut all_grey).is_empty() && all_grey.len() == 3);
+}

@@ -1,0 +1,188 @@
+//! Rigs whose cameras disagree: in colour, in what lens their images have, in whether they see colour at all.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::image::{RgbImage, write_png};
+use lgs_tests::metrics::{self, number};
+use lgs_tests::process::{binary, run};
+use lgs_tests::{Outcome, case, clips, places};
+use libtest_mimic::{Failed, Trial};
+use serde_json::{Value, json};
+
+/// A barrel of a lens, `[k1, k2, p1, p2, k3]`.
+const LENS: [f64; 5] = [-0.25, 0.05, 0.0, 0.0, 0.0];
+/// What a second camera of other colours may cost the first, decibels.
+const COST: f64 = 0.25;
+
+pub(crate) fn cases() -> Vec<Trial> {
+    vec![
+        case("rig::cameras_of_other_colours_agree", other_colours),
+        case("rig::a_grey_camera_takes_no_colour_away", grey_camera),
+        case("rig::a_lens_that_images_know_nothing_of_is_told", stated_lens),
+        case("rig::a_lens_that_images_have_stays", real_lens),
+    ]
+}
+
+/// A copy of the shipped clip whose images were changed: `change` gets the camera's place in the rig, the image and its focal length.
+fn changed(place: &Path, change: impl Fn(usize, &RgbImage, f64) -> RgbImage) -> Result<PathBuf, Failed> {
+    let copy = place.join("changed");
+    clips::copy(&clips::street(), &copy)?;
+    let dir = ClipDir::open(&clips::street())?;
+    let mut names = Vec::new();
+    for (f, frame) in dir.clip().frames.iter().enumerate() {
+        for c in 0..frame.cameras.len() {
+            let loaded = dir.load_image(f, c, None)?;
+            let name = format!("images/changed_{f}_{c}.png");
+            write_png(&copy.join(&name), &change(c, &loaded.rgb, loaded.camera.intrinsics.fx))?;
+            names.push(name);
+        }
+    }
+    let mut names = names.into_iter();
+    each_camera(&copy, |camera| camera["file"] = json!(names.next()))?;
+    Ok(copy)
+}
+
+fn each_camera(clip: &Path, mut change: impl FnMut(&mut Value)) -> Result<(), String> {
+    clips::edit(clip, |description| {
+        let frames = description["frames"].as_array_mut().into_iter().flatten();
+        frames.filter_map(|frame| frame["cameras"].as_array_mut()).flatten().for_each(&mut change);
+    })
+}
+
+/// `metrics.json` of a run with odd frames held out and no network.
+fn metrics_of(clip: &Path, flags: &[&str]) -> Result<Value, Failed> {
+    let out = tempfile::tempdir()?;
+    let mut arguments: Vec<&OsStr> = vec![clip.as_os_str(), "--out".as_ref(), out.path().as_os_str()];
+    arguments
+        .extend(["--hold-out", "odd", "--weights", "none"].iter().chain(flags).map(|flag| -> &OsStr { flag.as_ref() }));
+    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
+    Ok(metrics::read(out.path())?)
+}
+
+/// Mean PSNR of a camera's held-out views.
+fn psnr(page: &Value, camera: &str) -> Result<f64, Failed> {
+    let views = page["views"].as_array().ok_or("no views")?;
+    let own = views.iter().filter(|view| view["role"] == "held_out" || view["role"] == "held-out");
+    let own: Vec<&Value> = own.filter(|view| view["camera"] == camera).collect();
+    let sum = own.iter().map(|view| number(view, &["psnr"])).sum::<Result<f64, String>>()?;
+    if own.is_empty() { Err(format!("no held-out view of {camera}").into()) } else { Ok(sum / own.len() as f64) }
+}
+
+/// The second camera has less gain, another white balance and vignetting: the first is as good as if it had not, and better than without
+/// common colours.
+fn other_colours() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let clip = changed(place.path(), |camera, image, focal| {
+        let mut image = image.clone();
+        if camera == 1 {
+            let (width, height) = (image.width, image.height);
+            for (i, value) in image.data.iter_mut().enumerate() {
+                let (x, y) =
+                    ((i / 3 % width) as f64 - 0.5 * width as f64, (i / 3 / width) as f64 - 0.5 * height as f64);
+                let vignetting = (-0.3 * (x * x + y * y) / (focal * focal)).exp();
+                *value *= [0.65, 0.7, 0.8][i % 3] * vignetting as f32;
+            }
+        }
+        image
+    })?;
+    let (agreed, as_taken) = (metrics_of(&clip, &[])?, metrics_of(&clip, &["--colours", "as-taken"])?);
+    let before = metrics_of(&clips::street(), &[])?;
+    if !before["photometry"].is_null() || agreed["photometry"]["reference"] != "front" {
+        return Err(
+            format!("photometry {}, of the clip as it is {}", agreed["photometry"], before["photometry"]).into()
+        );
+    }
+    let [agreed, as_taken, before] = [&agreed, &as_taken, &before].map(|page| psnr(page, "front"));
+    let (agreed, as_taken, before) = (agreed?, as_taken?, before?);
+    if agreed > before - COST && agreed > as_taken + 0.1 {
+        return Ok(());
+    }
+    Err(format!("front camera: {before} dB as it was, {agreed} dB agreed, {as_taken} dB as taken").into())
+}
+
+/// A grey camera in the place of the first, beside it.
+fn grey_camera() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let clip = changed(place.path(), |_, image, _| {
+        let mut image = image.clone();
+        for pixel in image.data.as_chunks_mut::<3>().0 {
+            *pixel = [pixel.iter().sum::<f32>() / 3.0; 3];
+        }
+        image
+    })?;
+    // The colour images of the shipped clip stay; the grey ones stand beside them.
+    let grey = clips::description(&clip)?;
+    let both = place.path().join("both");
+    clips::copy(&clip, &both)?;
+    std::fs::copy(clips::street().join("clip.json"), both.join("clip.json"))?;
+    clips::edit(&both, |description| {
+        let frames = description["frames"].as_array_mut().into_iter().flatten();
+        for (frame, grey) in frames.zip(grey["frames"].as_array().into_iter().flatten()) {
+            let mut camera = grey["cameras"][0].clone();
+            camera["name"] = json!("grey");
+            frame["cameras"].as_array_mut().into_iter().for_each(|cameras| cameras.push(camera.clone()));
+        }
+    })?;
+    let (without, with) = (metrics_of(&clips::street(), &[])?, metrics_of(&both, &[])?);
+    let [without, with] = [psnr(&without, "front")?, psnr(&with, "front")?];
+    if with < without - 0.1 {
+        return Err(format!("{without} dB without the grey camera, {with} dB with it").into());
+    }
+    Ok(())
+}
+
+fn with_lens(clip: &Path) -> Result<(), String> {
+    each_camera(clip, |camera| camera["distortion"] = json!(LENS))
+}
+
+fn stated_lens() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let copy = place.path().join("stated");
+    clips::copy(&clips::street(), &copy)?;
+    with_lens(&copy)?;
+    let (plain, told) = (metrics_of(&clips::street(), &[])?, metrics_of(&copy, &[])?);
+    let stated = metrics_of(&copy, &["--lenses", "stated"])?;
+    if told["lenses"]["cameras"] != json!(["front", "front_left"]) || !stated["lenses"].is_null() {
+        return Err(format!("lenses {}, where stated {}", told["lenses"], stated["lenses"]).into());
+    }
+    if told["views"] == plain["views"] {
+        return Ok(());
+    }
+    Err("the figures are not those of the clip without a lens".into())
+}
+
+fn real_lens() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let clip = changed(place.path(), |_, image, focal| distorted(image, focal))?;
+    with_lens(&clip)?;
+    let page = metrics_of(&clip, &[])?;
+    if page["lenses"].is_null() { Ok(()) } else { Err(format!("the lens was taken away: {}", page["lenses"]).into()) }
+}
+
+/// The image as the lens would have taken it; black where it sees beyond.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the image")]
+fn distorted(image: &RgbImage, focal: f64) -> RgbImage {
+    let (width, height) = (image.width, image.height);
+    let mut data = vec![0.0; 3 * width * height];
+    for (i, pixel) in data.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        let seen = [(i % width) as f64 + 0.5 - 0.5 * width as f64, (i / width) as f64 + 0.5 - 0.5 * height as f64];
+        let seen = seen.map(|at| at / focal);
+        let mut place = seen;
+        for _ in 0..30 {
+            let r2 = place[0] * place[0] + place[1] * place[1];
+            place = seen.map(|at| at / (1.0 + r2 * (LENS[0] + r2 * LENS[1])));
+        }
+        let (x, y) = (place[0] * focal + 0.5 * width as f64 - 0.5, place[1] * focal + 0.5 * height as f64 - 0.5);
+        if x >= 0.0 && y >= 0.0 && x < (width - 1) as f64 && y < (height - 1) as f64 {
+            let (left, top, fx, fy) = (x as usize, y as usize, x.fract() as f32, y.fract() as f32);
+            let at = |c: usize, r: usize, k: usize| image.data[3 * (r * width + c) + k];
+            *pixel = std::array::from_fn(|k| {
+                let line = |r: usize| at(left, r, k) * (1.0 - fx) + at(left + 1, r, k) * fx;
+                line(top) * (1.0 - fy) + line(top + 1) * fy
+            });
+        }
+    }
+    RgbImage { width, height, data }
+}
