@@ -1,5 +1,6 @@
 //! A scene as a splat cloud, the form in which files hold it.
 
+use glam::{DMat3, DQuat, DVec3};
 use lgs_formats::{
     cloud::{SH_DC, SplatCloud},
     viewer::Stop,
@@ -15,37 +16,68 @@ use crate::{
 /// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
 pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 
+/// In which colours and axes files hold a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// What brings the scene's colours to those of a camera.
+    pub brightness: f32,
+    /// The axes of the clip frame in those of the file; `None` where they are the same.
+    pub turn: Option<DMat3>,
+}
+
+impl Shown {
+    /// As the scene is.
+    pub const AS_IT_IS: Self = Self { brightness: 1.0, turn: None };
+
+    fn place(self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let Some(turn) = self.turn else { return [x, y, z] };
+        (turn * DVec3::new(f64::from(x), f64::from(y), f64::from(z))).to_array().map(to_f32)
+    }
+
+    fn quat(self, [w, x, y, z]: [f32; 4]) -> [f32; 4] {
+        let Some(turn) = self.turn else { return [w, x, y, z] };
+        let own = DQuat::from_xyzw(f64::from(x), f64::from(y), f64::from(z), f64::from(w));
+        let turned = DQuat::from_mat3(&turn) * own;
+        [turned.w, turned.x, turned.y, turned.z].map(to_f32)
+    }
+}
+
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
 /// quaternions of length one (the identity for one without direction), velocities, times and frames beside the usual properties. With a
 /// policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (brightness * colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`, where `brightness` brings the scene's colours to those of a camera: see
-/// [`Photometry::brightness`](crate::photometry::Photometry::brightness).
+/// [`Photometry::brightness`](crate::photometry::Photometry::brightness). Places, orientations and velocities are turned as `shown` says.
 ///
 /// # Errors
 /// [`crate::error::EngineError::NonFinite`] for the first Gaussian with a value that is not finite.
-pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>, brightness: f32) -> Result<SplatCloud> {
+pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>, shown: Shown) -> Result<SplatCloud> {
+    let brightness = shown.brightness;
     set.check_finite()?;
     let physical = to_physical(set);
     let rows = &set.attributes;
     Ok(SplatCloud {
-        means: rows.iter().map(|row| std::array::from_fn(|k| row[MEAN.start + k])).collect(),
+        means: rows.iter().map(|row| shown.place(std::array::from_fn(|k| row[MEAN.start + k]))).collect(),
         log_scales: physical.iter().map(|splat| splat.scale.map(f32::ln)).collect(),
-        quats: physical.iter().map(|splat| normalised(splat.quat)).collect(),
+        quats: physical.iter().map(|splat| shown.quat(normalised(splat.quat))).collect(),
         logit_opacities: rows.iter().map(|row| row[LOGIT_OPACITY]).collect(),
         sh_dc: physical.iter().map(|splat| splat.colour.map(|c| (brightness * c - 0.5) / SH_DC)).collect(),
-        velocities: set.velocities.clone(),
+        velocities: set.velocities.iter().map(|&velocity| shown.place(velocity)).collect(),
         times: set.times.clone(),
         frames: Some(set.frames.clone()),
         extra: density.map(|map| score_columns(map, set.len())).unwrap_or_default(),
     })
 }
 
-/// The camera of a view as a place to stand at in the viewer.
-pub fn stop(view: &View) -> Stop {
+/// The camera of a view as a place to stand at in the viewer of a scene in the axes of `shown`.
+pub fn stop(view: &View, shown: Shown) -> Stop {
     let pinhole = &view.pinhole;
-    let rows = pinhole.camera_from_clip.map(|row| row.map(f64::from));
+    let rows = pinhole.camera_from_clip.map(|row| {
+        let [x, y, z, w] = row.map(f64::from);
+        let [x, y, z] = shown.turn.map_or([x, y, z], |turn| (turn * DVec3::new(x, y, z)).to_array());
+        [x, y, z, w]
+    });
     // the inverse of a rigid transform: transposed rotation, and the camera's centre
     let centre = |k: usize| -(0..3).map(|r| rows[r][k] * rows[r][3]).sum::<f64>();
     let scene_from_camera = std::array::from_fn(|i| match (i / 4, i % 4) {
@@ -112,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_cloud_is_the_scene_as_it_is_drawn() {
-        let cloud = to_cloud(&pair(), None, 1.0).unwrap();
+        let cloud = to_cloud(&pair(), None, Shown::AS_IT_IS).unwrap();
         let near = |got: f32, want: f32| assert!((got - want).abs() < 1e-5, "got {got}, want {want}");
         assert_eq!(cloud.means, [[1.0, -2.0, 3.0]; 2]);
         assert_eq!((cloud.times, cloud.velocities), (vec![0.1, 0.0], vec![[5.0, 0.0, 0.0], [0.0; 3]]));
@@ -145,7 +177,7 @@ mod tests {
             depth_map: None,
             depth_samples: Vec::new(),
         };
-        let stop = stop(&view);
+        let stop = stop(&view, Shown::AS_IT_IS);
         assert_eq!((stop.name.as_str(), stop.time), ("frame 3 front", 0.5));
         let want = [0.0, 0.0, 1.0, 7.0, -1.0, 0.0, 0.0, 2.0, 0.0, -1.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];
         assert_eq!(stop.scene_from_camera, want);
@@ -155,11 +187,11 @@ mod tests {
     fn a_value_that_is_not_finite_is_named() {
         let mut set = pair();
         set.attributes[1][LOG_SCALE.start + 2] = f32::NAN;
-        let error = to_cloud(&set, None, 1.0).unwrap_err().to_string();
+        let error = to_cloud(&set, None, Shown::AS_IT_IS).unwrap_err().to_string();
         assert_eq!(error, "Gaussian 1, log scale: expected a finite value, found NaN");
         set = pair();
         set.velocities[0][1] = f32::INFINITY;
-        assert!(to_cloud(&set, None, 1.0).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
+        assert!(to_cloud(&set, None, Shown::AS_IT_IS).unwrap_err().to_string().starts_with("Gaussian 0, velocity"));
     }
 
     #[test]

@@ -1,10 +1,15 @@
 //! Rigs whose cameras disagree: in colour, in what lens their images have, in whether they see colour at all.
 
+use std::f64::consts::PI;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use glam::{DMat3, DQuat, DVec3};
 use lgs_formats::clip_dir::ClipDir;
 use lgs_formats::image::{RgbImage, write_png};
+use lgs_formats::pose::Pose;
+use lgs_formats::sweep::{read_sweep, write_sweep};
+use lgs_tests::compare::{absolute, close};
 use lgs_tests::metrics::{self, number};
 use lgs_tests::process::{binary, run};
 use lgs_tests::{Outcome, case, clips, places};
@@ -22,6 +27,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("rig::a_grey_camera_takes_no_colour_away", grey_camera),
         case("rig::a_lens_that_images_know_nothing_of_is_told", stated_lens),
         case("rig::a_lens_that_images_have_stays", real_lens),
+        case("rig::a_lidar_may_be_mounted_otherwise", mounted_otherwise),
     ]
 }
 
@@ -159,6 +165,50 @@ fn real_lens() -> Outcome {
     with_lens(&clip)?;
     let page = metrics_of(&clip, &[])?;
     if page["lenses"].is_null() { Ok(()) } else { Err(format!("the lens was taken away: {}", page["lenses"]).into()) }
+}
+
+/// The same returns from a sensor whose own axes are turned: upside down, like a camera's, tilted, rolled.
+fn mounted_otherwise() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let upright = metrics_of(&clips::street(), &[])?;
+    let turns = [
+        ("upside_down", DQuat::from_rotation_x(PI)),
+        ("as_a_camera", DQuat::from_mat3(&DMat3::from_cols(DVec3::Z, -DVec3::X, -DVec3::Y))),
+        ("tilted", DQuat::from_rotation_y(20_f64.to_radians())),
+        ("rolled", DQuat::from_rotation_x(10_f64.to_radians())),
+    ];
+    for (name, sensor_from_lidar) in turns {
+        let clip = mounted(place.path(), name, sensor_from_lidar)?;
+        let turned = metrics_of(&clip, &[])?;
+        for role in ["held_out", "input"] {
+            let [want, got] = [&upright, &turned].map(|page| number(page, &["mean", role, "psnr"]));
+            close(&format!("{name}, {role}"), &[got?], &[want?], absolute(0.05))?;
+        }
+    }
+    Ok(())
+}
+
+fn mounted(place: &Path, name: &str, sensor_from_lidar: DQuat) -> Result<PathBuf, Failed> {
+    let copy = place.join(name);
+    clips::copy(&clips::street(), &copy)?;
+    let dir = ClipDir::open(&clips::street())?;
+    for frame in &dir.clip().frames {
+        let file = copy.join(&frame.lidar.file);
+        let mut sweep = read_sweep(&file)?;
+        for point in &mut sweep.points {
+            *point = (sensor_from_lidar * DVec3::from(point.map(f64::from))).as_vec3().to_array();
+        }
+        write_sweep(&file, &sweep)?;
+    }
+    let lidar_from_sensor = Pose::new(DMat3::from_quat(sensor_from_lidar.inverse()), DVec3::ZERO);
+    let mut frames = dir.clip().frames.iter();
+    clips::edit(&copy, |description| {
+        for frame in description["frames"].as_array_mut().into_iter().flatten() {
+            let pose = frames.next().map(|frame| frame.lidar.world_from_lidar * lidar_from_sensor);
+            frame["lidar"]["world_from_lidar"] = json!(pose.map(|pose| pose.rows()));
+        }
+    })?;
+    Ok(copy)
 }
 
 /// The image as the lens would have taken it; black where it sees beyond.

@@ -1,6 +1,6 @@
 //! Parameters of Gaussians at the ends of what f32 holds.
 
-use lgs_engine::export::to_cloud;
+use lgs_engine::export::{Shown, to_cloud};
 use lgs_engine::gaussians::physical::{Splat, to_physical};
 use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
 use lgs_engine::refine::refine;
@@ -210,7 +210,7 @@ fn not_drawn() -> Outcome {
 }
 
 fn not_written() -> Outcome {
-    each_is_named(|set| to_cloud(set, None, 1.0).map(drop).map_err(|e| e.to_string()))
+    each_is_named(|set| to_cloud(set, None, Shown::AS_IT_IS).map(drop).map_err(|e| e.to_string()))
 }
 
 fn not_refined() -> Outcome {

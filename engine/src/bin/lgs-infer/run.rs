@@ -7,7 +7,7 @@ use lgs_engine::{
     allocator,
     densify::{DensityMap, Thresholds},
     evaluate::{ViewFigures, copying, lpips::Lpips},
-    export::{stop, to_cloud},
+    export::{Shown, stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
     network::{
         describe::describe,
@@ -110,7 +110,9 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     plan.spent(&reconstruction, start);
     let brightness = inputs.colours().photometry.as_ref().map_or(1.0, |photometry| photometry.brightness);
-    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), brightness)?;
+    let first = job.frames.input.first().copied().unwrap_or(0);
+    let shown = Shown { brightness, turn: job.clip_frame.lidar_from_clip(dir.clip(), first) };
+    let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
@@ -138,7 +140,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     };
     let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
     let report = report(&metrics, &pictures, &dir);
-    let stops = || inputs.views().iter().map(stop).collect::<Vec<_>>();
+    let stops = || inputs.views().iter().map(|view| stop(view, shown)).collect::<Vec<_>>();
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
     let viewer = viewer.as_deref();
     if let Some(film) = &film {
