@@ -76,6 +76,11 @@ fn psnr(page: &Value, camera: &str) -> Result<f64, Failed> {
     if own.is_empty() { Err(format!("no held-out view of {camera}").into()) } else { Ok(sum / own.len() as f64) }
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "a focal length in pixels")]
+fn narrow(focal: f64) -> f32 {
+    focal as f32
+}
+
 /// The second camera has less gain, another white balance and vignetting: the first is as good as if it had not, and better than without
 /// common colours.
 fn other_colours() -> Outcome {
@@ -84,11 +89,12 @@ fn other_colours() -> Outcome {
         let mut image = image.clone();
         if camera == 1 {
             let (width, height) = (image.width, image.height);
+            let focal = narrow(focal);
             for (i, value) in image.data.iter_mut().enumerate() {
                 let (x, y) =
-                    ((i / 3 % width) as f64 - 0.5 * width as f64, (i / 3 / width) as f64 - 0.5 * height as f64);
+                    ((i / 3 % width) as f32 - 0.5 * width as f32, (i / 3 / width) as f32 - 0.5 * height as f32);
                 let vignetting = (-0.3 * (x * x + y * y) / (focal * focal)).exp();
-                *value *= [0.65, 0.7, 0.8][i % 3] * vignetting as f32;
+                *value *= [0.65, 0.7, 0.8][i % 3] * vignetting;
             }
         }
         image

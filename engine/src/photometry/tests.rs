@@ -24,7 +24,7 @@ fn view(camera: &str, frame: usize, right: f32, response: Response) -> View {
     let at = |i: usize| Projected { u: (i % WIDTH) as f32 + 0.5, v: (i / WIDTH) as f32 + 0.5, depth: WALL };
     let mut data: Vec<f32> = (0..WIDTH * HEIGHT).flat_map(|i| wall(pinhole.unproject(at(i)))).collect();
     response.show(&mut data, &pinhole);
-    let sample = |pixel: usize| DepthSample { pixel: pixel as u32, depth: WALL };
+    let sample = |pixel: usize| DepthSample { pixel: u32::try_from(pixel).unwrap(), depth: WALL };
     let depth_samples = (0..WIDTH * HEIGHT).step_by(3).map(sample).collect();
     View { frame, camera: camera.to_owned(), depth_samples, ..seen(pinhole, data) }
 }
