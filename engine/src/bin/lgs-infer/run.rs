@@ -13,16 +13,14 @@ use lgs_engine::{
         describe::describe,
         source::{ModelSource, config_of},
     },
-    photometry::{Colours, Lenses, Photometry, with_fitting_lenses},
+    photometry::{Colours, LensFinding, Lenses, Photometry, with_fitting_lenses},
     pipeline::{
         Drawing, Figures, Flags, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin,
         check_memory, evaluate_views, optimise,
     },
     plan::Recipe,
     refine::Turns,
-    report::{
-        Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html, maps_in_words,
-    },
+    report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
@@ -42,7 +40,7 @@ use crate::{
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     plan,
     progress::Bars,
-    summary::summary,
+    summary::{notes, summary},
 };
 
 /// Does what the command line asks for and returns what to print.
@@ -66,20 +64,11 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
-    let selection = selection(args, &dir)?;
-    let (dir, lenses) = match args.lenses {
-        Lenses::Auto => watch.time(Stage::Load, |_| with_fitting_lenses(dir, &selection))?,
-        Lenses::Stated => (dir, None),
-    };
+    let (dir, selection, lenses) = watch.time(Stage::Load, |_| selected(args, dir))?;
     let job = Job::new(args, &dir, selection)?;
     check_memory(&dir, &job.selection, Flags::default())?;
 
-    let inputs = Inputs::new(&dir, &job.frames, job.clip_frame, job.load(Role::Input, &mut watch)?)?;
-    let inputs = inputs.with_motion(args.motion);
-    let inputs = match args.colours {
-        Colours::Auto => watch.time(Stage::Load, |_| inputs.with_common_colours(args.reference_camera.as_deref())),
-        Colours::AsTaken => inputs,
-    };
+    let inputs = job.inputs(&mut watch)?;
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -109,9 +98,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     plan.spent(&reconstruction, start);
-    let brightness = inputs.colours().photometry.as_ref().map_or(1.0, |photometry| photometry.brightness);
-    let first = job.frames.input.first().copied().unwrap_or(0);
-    let shown = Shown { brightness, turn: job.clip_frame.lidar_from_clip(dir.clip(), first) };
+    let shown = job.shown(&inputs);
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
     let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
 
@@ -144,24 +131,12 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
     let viewer = viewer.as_deref();
     if let Some(film) = &film {
-        film.write(
-            &to_physical(&reconstruction.scene),
-            inputs.colours().photometry.as_ref().map(Photometry::plain),
-            &out,
-            &bars,
-        )?;
+        let plain = inputs.colours().photometry.as_ref().map(Photometry::plain);
+        film.write(&to_physical(&reconstruction.scene), plain, &out, &bars)?;
     }
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
-    let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
-    let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
-    let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
-    let colours = inputs.colours().in_words().map(|words| format!("cameras: {words}"));
-    Ok(Outcome {
-        text,
-        notes: maps.into_iter().chain(turn).chain(lenses).chain(colours).collect(),
-        has_findings: false,
-    })
+    Ok(Outcome { text, notes: notes(&metrics, inputs.colours()), has_findings: false })
 }
 
 /// What of the clip's files the run reads.
@@ -184,11 +159,16 @@ fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
 }
 
-/// The cameras, frames and size that are asked for.
-fn selection(args: &Args, dir: &ClipDir) -> Result<Selection> {
+/// The clip with its lenses, and the cameras, frames and size that are asked for.
+fn selected(args: &Args, dir: ClipDir) -> Result<(ClipDir, Selection, Option<LensFinding>)> {
     let frames = args.frames.as_ref().map(|list| list.0.clone());
     let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
-    Ok(Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size })
+    let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
+    let (dir, lenses) = match args.lenses {
+        Lenses::Auto => with_fitting_lenses(dir, &selection)?,
+        Lenses::Stated => (dir, None),
+    };
+    Ok((dir, selection, lenses))
 }
 
 /// The settings of a run, checked against its clip.
@@ -215,6 +195,29 @@ impl<'a> Job<'a> {
         let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
         let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
         Ok(Self { args, dir, selection, frames, clip_frame, lpips })
+    }
+
+    /// What the reconstruction reads.
+    fn inputs(&self, watch: &mut Watch<'_>) -> Result<Inputs<'a>> {
+        let views = self.load(Role::Input, watch)?;
+        let inputs = Inputs::new(self.dir, &self.frames, self.clip_frame, views)?.with_motion(self.args.motion);
+        let reference = self.args.reference_camera.as_deref();
+        if let Some(name) = reference.filter(|&name| inputs.views().iter().all(|view| view.camera != name)) {
+            bail!("--reference-camera: expected a camera with input images, found {name}");
+        }
+        Ok(match self.args.colours {
+            Colours::Auto => watch.time(Stage::Load, |_| inputs.with_common_colours(reference)),
+            Colours::AsTaken => inputs,
+        })
+    }
+
+    /// In which colours and axes files hold the scene.
+    fn shown(&self, inputs: &Inputs<'_>) -> Shown {
+        let first = self.frames.input.first().copied().unwrap_or(0);
+        Shown {
+            brightness: inputs.colours().photometry.as_ref().map_or(1.0, |photometry| photometry.brightness),
+            turn: self.clip_frame.lidar_from_clip(self.dir.clip(), first),
+        }
     }
 
     /// The views of one role.

@@ -3,12 +3,22 @@
 use std::{fmt::Write, path::Path};
 
 use lgs_engine::{
+    photometry::CommonColours,
     pipeline::Stage,
-    report::{BudgetRecord, FIGURES, Metrics, NUM_FULL_IMAGE, percent, role_name},
+    report::{BudgetRecord, FIGURES, Metrics, NUM_FULL_IMAGE, maps_in_words, percent, role_name},
     views::Role,
 };
 
 use crate::film::Film;
+
+/// What the run found in the clip that its user should know, a line each.
+pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
+    let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
+    let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
+    let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
+    let colours = colours.in_words().map(|words| format!("cameras: {words}"));
+    maps.into_iter().chain(turn).chain(lenses).chain(colours).collect()
+}
 
 /// A page of text: mean figures, counts, times and where the files are.
 pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path, film: Option<&Film>) -> String {
