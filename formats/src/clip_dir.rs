@@ -128,7 +128,7 @@ impl ClipDir {
         &self.root
     }
 
-    /// The sweep of a frame, all returns in the frame of the `LiDAR` at the sweep's timestamp: where they are not, the motion between the
+    /// The sweep of a frame, without rows that are no return, all returns in the frame of the `LiDAR` at the sweep's timestamp: where they are not, the motion between the
     /// poses of the clip's frames brings them there.
     ///
     /// # Errors
@@ -140,8 +140,9 @@ impl ClipDir {
         let path = self.root.join(&record.file);
         let sweep = match &self.decoder {
             Some(decoder) => decoder.decode(&path, record)?,
-            None => self.native(sweep::read_sweep(&path)?, &record.returns)?,
+            None => self.native(sweep::read_rows(&path)?, &record.returns)?,
         };
+        let sweep = sweep.without_missing(&path)?;
         lidar_motion::placed(&path, sweep, record, &LidarMotion::of(&self.clip, frame))
     }
 

@@ -27,6 +27,8 @@ pub struct Sweep {
     pub sensors: Option<Vec<u8>>,
     /// `[N, 3]` where the sensor was when it measured each, metres, in the frame of `points`; `None` where that is the origin for all.
     pub origins: Option<Vec<[f32; 3]>>,
+    /// Rows of the file that are no return: all their coordinates are NaN, as organised clouds have it where a beam met nothing.
+    pub num_missing: usize,
 }
 
 /// The number of returns of a sweep file, from its size alone.
@@ -40,11 +42,20 @@ pub fn count_returns(path: &Path) -> Result<usize> {
     Ok(count / RETURN_BYTES)
 }
 
-/// The sweep of a file.
+/// The sweep of a file, without rows that are no return.
 ///
 /// # Errors
-/// Those of [`count_returns`]; a return that is not finite or farther away than [`MAX_COORDINATE`], by its index.
+/// Those of [`count_returns`]; a row that is neither finite nor without any coordinate, or farther away than [`MAX_COORDINATE`], by its
+/// index; no return at all.
 pub fn read_sweep(path: &Path) -> Result<Sweep> {
+    read_rows(path)?.without_missing(path)
+}
+
+/// The sweep of a file, rows that are no return among the others: for whom there are other files parallel to them.
+///
+/// # Errors
+/// Those of [`read_sweep`] but for no return at all.
+pub(crate) fn read_rows(path: &Path) -> Result<Sweep> {
     let bytes = read_file(path, MAX_DATA_BYTES)?;
     check_size(path, bytes.len())?;
     let count = bytes.len() / RETURN_BYTES;
@@ -54,7 +65,7 @@ pub fn read_sweep(path: &Path) -> Result<Sweep> {
     for (index, row) in rows.iter().enumerate() {
         let (values, _) = row.as_chunks::<4>();
         let [x, y, z, intensity] = [0, 1, 2, 3].map(|k| f32::from_le_bytes(values[k]));
-        check_return(path, index, [x, y, z], intensity)?;
+        check_row(path, index, [x, y, z], intensity)?;
         sweep.points.push([x, y, z]);
         sweep.intensities.push(intensity);
     }
@@ -62,14 +73,14 @@ pub fn read_sweep(path: &Path) -> Result<Sweep> {
 }
 
 impl Sweep {
-    /// The sweep of `[x, y, z, intensity]` rows that were read from `path`.
+    /// The sweep of `[x, y, z, intensity]` rows that were read from `path`, those that are no return among them.
     ///
     /// # Errors
-    /// No rows; a return that is not finite or farther away than [`MAX_COORDINATE`], by its index.
+    /// No rows; one that is neither finite nor without any coordinate, or farther away than [`MAX_COORDINATE`], by its index.
     pub(crate) fn of_rows(path: &Path, rows: impl Iterator<Item = [f32; 4]>) -> Result<Self> {
         let mut sweep = Self::default();
         for (index, [x, y, z, intensity]) in rows.enumerate() {
-            check_return(path, index, [x, y, z], intensity)?;
+            check_row(path, index, [x, y, z], intensity)?;
             sweep.points.push([x, y, z]);
             sweep.intensities.push(intensity);
         }
@@ -77,6 +88,28 @@ impl Sweep {
             return Err(FormatError::invalid(path, "points", "at least one return", "none"));
         }
         Ok(sweep)
+    }
+
+    /// The sweep without its rows that are no return, which are counted; `path` is what errors name.
+    ///
+    /// # Errors
+    /// No return at all.
+    pub(crate) fn without_missing(self, path: &Path) -> Result<Self> {
+        let measured: Vec<bool> = self.points.iter().map(|&point| !is_missing(point)).collect();
+        let num_measured = measured.iter().filter(|&&measured| measured).count();
+        if num_measured == 0 {
+            return Err(FormatError::invalid(path, "points", "at least one return", "rows without any coordinate"));
+        }
+        let Self { points, intensities, times, sensors, origins, num_missing } = self;
+        let num_missing = num_missing + measured.len() - num_measured;
+        Ok(Self {
+            points: kept(points, &measured),
+            intensities: kept(intensities, &measured),
+            times: times.map(|times| kept(times, &measured)),
+            sensors: sensors.map(|sensors| kept(sensors, &measured)),
+            origins: origins.map(|origins| kept(origins, &measured)),
+            num_missing,
+        })
     }
 
     /// The sweep with the times of its returns, seconds since its timestamp; `path` is what errors name.
@@ -123,6 +156,21 @@ fn check_size(path: &Path, size: usize) -> Result<()> {
     Ok(())
 }
 
+/// Those of `all` that are wanted.
+fn kept<T>(all: Vec<T>, wanted: &[bool]) -> Vec<T> {
+    all.into_iter().zip(wanted).filter_map(|(one, &wanted)| wanted.then_some(one)).collect()
+}
+
+/// Whether a row says that a beam met nothing.
+fn is_missing(point: [f32; 3]) -> bool {
+    point.iter().all(|v| v.is_nan())
+}
+
+/// Nothing, when the row is no return, or one that a sensor can have measured.
+fn check_row(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
+    if is_missing(point) { Ok(()) } else { check_return(path, index, point, intensity) }
+}
+
 /// Nothing, when the return is one that a sensor can have measured.
 pub(crate) fn check_return(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
     let in_range = |v: f32| v.abs() <= MAX_COORDINATE; // false for NaN
@@ -166,6 +214,24 @@ mod tests {
             let message = message_of(&bytes);
             assert!(message.contains("sweep.bin: point 2: expected finite values"), "{message}");
         }
+    }
+
+    #[test]
+    fn rows_without_any_coordinate_are_no_returns() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sweep.bin");
+        let write = |rows: &[[f32; 4]]| {
+            std::fs::write(&path, rows.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
+        };
+        write(&[[f32::NAN; 4], [1.0, 2.0, 3.0, 4.0], [f32::NAN, f32::NAN, f32::NAN, 0.0]]);
+        let found = read_sweep(&path).unwrap();
+        assert_eq!((found.points, found.intensities, found.num_missing), (vec![[1.0, 2.0, 3.0]], vec![4.0], 2));
+        let rows =
+            Sweep { times: Some(vec![0.1, 0.2, 0.3]), sensors: Some(vec![0, 1, 2]), ..read_rows(&path).unwrap() };
+        let rows = rows.without_missing(&path).unwrap();
+        assert_eq!((rows.times, rows.sensors, rows.num_missing), (Some(vec![0.2]), Some(vec![1]), 2));
+        write(&[[f32::NAN; 4]; 2]);
+        assert!(read_sweep(&path).unwrap_err().to_string().contains("rows without any coordinate"));
     }
 
     #[test]

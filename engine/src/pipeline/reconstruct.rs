@@ -16,7 +16,7 @@ use crate::{
         background::{self, MapFit, Mode},
         motion,
     },
-    points::{self, PointCloud, Turn},
+    points::{self, Dropped, PointCloud, Turn},
     refine::{
         Measured, RefineSummary, Turns,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
@@ -62,6 +62,8 @@ pub struct Reconstruction {
     pub depth_maps: Vec<MapFit>,
     /// How the `LiDAR` turned while it measured, where the sweeps told and not the clip.
     pub turn: Option<Turn>,
+    /// Returns that are no surface and were left out.
+    pub dropped: Dropped,
     /// Seconds that it took, from the loaded inputs on.
     pub seconds: f64,
 }
@@ -75,6 +77,7 @@ pub struct Begun<'a, 'b> {
     inputs: &'b Inputs<'a>,
     cloud: PointCloud,
     turn: Option<Turn>,
+    dropped: Dropped,
     movement: motion::Movement,
     scene: GaussianSet,
     start: Instant,
@@ -86,10 +89,11 @@ pub struct Begun<'a, 'b> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
     let start = Instant::now();
-    let (cloud, turn, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
+    let (cloud, turn, dropped, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
         let mut cloud = inputs.cloud()?;
         let turn = inputs.tell_apart(&mut cloud)?;
+        let dropped = points::drop_strays(&mut cloud)?;
         step();
         let movement = inputs.movement(&cloud)?;
         step();
@@ -103,9 +107,9 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
         for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
             *own = movement.velocities[point as usize];
         }
-        Result::Ok((cloud, turn, movement, scene))
+        Result::Ok((cloud, turn, dropped, movement, scene))
     })?;
-    Ok(Begun { inputs, cloud, turn, movement, scene, start })
+    Ok(Begun { inputs, cloud, turn, dropped, movement, scene, start })
 }
 
 impl Begun<'_, '_> {
@@ -125,7 +129,7 @@ impl Begun<'_, '_> {
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, turn, movement, mut scene, start } = self;
+        let Self { inputs, cloud, turn, dropped, movement, mut scene, start } = self;
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
@@ -161,7 +165,18 @@ impl Begun<'_, '_> {
             Some(NetworkRun { summary, density, measured, .. }) => (Some(summary), density, measured),
             None => (None, None, None),
         };
-        Ok(Reconstruction { scene, counts, network, optimisation: None, density, measured, depth_maps, turn, seconds })
+        Ok(Reconstruction {
+            scene,
+            counts,
+            network,
+            optimisation: None,
+            density,
+            measured,
+            depth_maps,
+            turn,
+            dropped,
+            seconds,
+        })
     }
 }
 

@@ -37,6 +37,7 @@ pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Re
             None => cloud.origins.resize(found, frame.points(&lidar.world_from_lidar, &[[0.0; 3]])[0]),
         }
         cloud.frames.resize(found, label);
+        cloud.num_missing += sweep.num_missing;
         cloud.positions.extend(frame.points(&lidar.world_from_lidar, &sweep.points));
     }
     Ok(cloud)

@@ -4,6 +4,7 @@ mod aggregate;
 mod occlusion;
 mod paint;
 mod spacing;
+mod stray;
 mod turn;
 
 pub use aggregate::aggregate;
@@ -11,6 +12,7 @@ pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::{moved, sample, samples_at, samples_of};
 pub use spacing::{bounded, spacing};
+pub use stray::{Dropped, drop_strays};
 pub use turn::{Turn, tell_apart};
 
 /// `LiDAR` returns of several sweeps in the clip frame.
@@ -27,6 +29,8 @@ pub struct PointCloud {
     pub frames: Vec<u32>,
     /// Where the sensor was when it measured each, metres, clip frame: where its ray starts.
     pub origins: Vec<[f32; 3]>,
+    /// Rows of the sweeps' files that are no return.
+    pub num_missing: usize,
 }
 
 impl PointCloud {

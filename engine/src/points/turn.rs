@@ -311,6 +311,7 @@ mod tests {
             times: ahead.iter().map(|&i| cloud.times[i]).collect(),
             frames: ahead.iter().map(|&i| cloud.frames[i]).collect(),
             origins: ahead.iter().map(|&i| cloud.origins[i]).collect(),
+            num_missing: 0,
         };
         let mut timed = cloud.clone();
         timed.times[0] += 0.01;

@@ -14,7 +14,7 @@ use crate::{
     photometry::{Colours, LensFinding, Lenses, Photometry},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
-    points::Turn,
+    points::{Dropped, Turn},
     refine::{LineSearch, adam::AdamSummary},
     views::Role,
 };
@@ -63,6 +63,9 @@ pub struct Metrics {
     /// How the cameras show the scene's colours; no key where these are the images' own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photometry: Option<Photometry>,
+    /// Returns that are no surface and were left out; no key where there was none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dropped_returns: Option<Dropped>,
     /// Seconds of each stage; 0 for one that did not run.
     pub stages_s: StageTimes,
     /// Seconds from the loaded input views to the finished scene.

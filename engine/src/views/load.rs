@@ -1,9 +1,11 @@
 //! Views from a clip directory.
 
-use lgs_formats::clip_dir::ClipDir;
+use std::borrow::Cow;
+
+use lgs_formats::{clip_dir::ClipDir, sweep::Sweep};
 use rayon::prelude::*;
 
-use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, selection::SelectedImage};
+use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, selection::SelectedImage, strays};
 use crate::error::{EngineError, Result};
 
 /// The selected views of one role: frame by frame, cameras in the clip's order; `progress` is called once per view. No
@@ -35,7 +37,7 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
         Role::HeldOut => None,
     };
     let sweep = dir.load_sweep(image.frame)?;
-    let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &sweep.points);
+    let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &surfaces(&sweep)?);
     Ok(View {
         frame: image.frame,
         camera: loaded.camera.name,
@@ -47,6 +49,18 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
         depth_map,
         depth_samples: depth_samples(&pinhole, &points)?,
     })
+}
+
+/// The returns of a sweep that are surfaces.
+///
+/// # Errors
+/// When a coordinate is not finite.
+fn surfaces(sweep: &Sweep) -> Result<Vec<[f32; 3]>> {
+    let at_sensor = || vec![[0.0; 3]; sweep.points.len()];
+    let origins = sweep.origins.as_ref().map_or_else(|| Cow::Owned(at_sensor()), Cow::Borrowed);
+    let strays = strays(&sweep.points, &origins)?;
+    let is_surface = |i: u32| strays.binary_search_by_key(&i, |&(j, _)| j).is_err();
+    Ok((0..).zip(&sweep.points).filter(|&(i, _)| is_surface(i)).map(|(_, &point)| point).collect())
 }
 
 /// The nearest of `points` (metres, clip frame) in every pixel that one projects to, ascending by pixel.

@@ -10,6 +10,7 @@ mod response;
 pub(crate) mod samples;
 mod selection;
 mod shrink;
+mod stray;
 
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
@@ -21,6 +22,7 @@ pub use response::Response;
 pub(crate) use response::off_axis;
 pub use selection::{SelectedFrames, Selection};
 pub use shrink::at_factor;
+pub(crate) use stray::{Stray, strays};
 
 /// A `LiDAR` return that projects into a view.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -226,6 +226,7 @@ fn coincident() -> Outcome {
         times: (0..COUNT).map(|i| (i % 2) as f32 * 0.1).collect(),
         frames: (0..COUNT).map(|i| i % 2).collect(),
         origins: vec![[0.0; 3]; COUNT as usize],
+        num_missing: 0,
     };
     let all: Vec<u32> = (0..COUNT).collect();
     let spacing = spacing(&cloud.positions, &all).map_err(failed)?;

@@ -119,6 +119,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         lidar_turn: reconstruction.turn,
         lenses,
         photometry: inputs.colours().photometry.clone(),
+        dropped_returns: Some(reconstruction.dropped).filter(|dropped| dropped.total() > 0),
         stages_s: watch.times,
         reconstruction_s: reconstruction.seconds,
         peak_rss_mb: allocator::peak_rss_mb(),

@@ -99,6 +99,7 @@ mod tests {
             times: vec![0.0, 0.2, 0.2],
             frames: vec![0, 2, 2],
             origins: vec![[0.0; 3]; 3],
+            num_missing: 0,
         };
         let found = boxed(&cloud, &boxes);
         assert_eq!(found.things[2], STANDS);
@@ -116,6 +117,7 @@ mod tests {
             times: vec![0.0, 0.2],
             frames: vec![0, 2],
             origins: vec![[0.0; 3]; 2],
+            num_missing: 0,
         };
         for boxes in
             [vec![at(0, 0.0, 0.0, [0.0; 3])], vec![at(0, 0.0, 0.0, [0.0; 3]), at(2, 0.2, 0.0, [0.03, 0.0, 0.0])]]

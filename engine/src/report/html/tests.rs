@@ -55,6 +55,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         lidar_turn: None,
         lenses: None,
         photometry: None,
+        dropped_returns: None,
         stages_s: StageTimes::default(),
         reconstruction_s: 0.5,
         peak_rss_mb: None,

@@ -58,6 +58,7 @@ pub(super) fn still(cloud: &PointCloud, movement: &Movement) -> PointCloud {
         times: kept().map(|point| cloud.times[point]).collect(),
         frames: kept().map(|point| cloud.frames[point]).collect(),
         origins: kept().map(|point| cloud.origins[point]).collect(),
+        num_missing: cloud.num_missing,
     }
 }
 
