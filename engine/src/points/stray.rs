@@ -95,3 +95,50 @@ fn keep<T>(all: &mut Vec<T>, stays: &[bool]) {
     let mut stays = stays.iter();
     all.retain(|_| stays.next() == Some(&true));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Dropped, drop_strays};
+    use crate::points::PointCloud;
+
+    /// Two sweeps of a wall 20 m ahead, each with its own returns besides.
+    fn cloud(own: [&[[f32; 3]]; 2]) -> PointCloud {
+        let mut cloud = PointCloud { num_missing: 7, ..PointCloud::default() };
+        for (frame, own) in (0_u32..).zip(own) {
+            let wall = (0..400_u16).map(|k| [20.0, 0.1 * f32::from(k % 20) - 1.0, 0.1 * f32::from(k / 20) - 1.0]);
+            for position in own.iter().copied().chain(wall) {
+                cloud.positions.push(position);
+                cloud.times.push(0.1 * frame as f32);
+                cloud.frames.push(frame);
+                cloud.origins.push([0.0; 3]);
+            }
+        }
+        cloud
+    }
+
+    #[test]
+    fn what_is_alone_in_one_sweep_is_real_if_another_has_it() {
+        let (drop, thing, later) = ([8.0, 0.2, 0.1], [9.0, -0.2, -0.1], [9.2, -0.1, -0.1]);
+        let mut found = cloud([&[drop, [0.0; 3], thing], &[later, [9000.0, 1.0, 1.0]]]);
+        let dropped = drop_strays(&mut found).unwrap();
+        assert_eq!(dropped, Dropped { missing: 7, at_sensor: 1, out_of_reach: 1, alone: 1 });
+        let words = "10 that are no surface were left out: 7 without coordinates, 1 at the sensor, 1 beyond the reach of sensors, 1 alone in the air";
+        assert_eq!(dropped.in_words().as_deref(), Some(words));
+        assert_eq!(found, cloud([&[thing], &[later]]));
+    }
+
+    #[test]
+    fn nothing_and_nothing_but_strays() {
+        let mut none = PointCloud::default();
+        assert_eq!(drop_strays(&mut none).unwrap().in_words(), None);
+        let mut zeros = PointCloud {
+            positions: vec![[0.0; 3]; 3],
+            times: vec![0.0; 3],
+            frames: vec![0; 3],
+            origins: vec![[0.0; 3]; 3],
+            num_missing: 0,
+        };
+        assert_eq!(drop_strays(&mut zeros).unwrap().total(), 3);
+        assert!(zeros.is_empty());
+    }
+}

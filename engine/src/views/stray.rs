@@ -1,7 +1,7 @@
 //! Returns of a single sweep that are no surface.
 //!
 //! Rain, snow and dust answer a beam alone: what the rays around theirs meet is farther. A surface that is hit once only, of all the rays
-//! around, is a thing thinner than the beams are apart: poles, wires and branches are hit again by the next ray or the next row.
+//! around, is rare: poles, wires and branches, thinner than the beams are apart, are hit again by the next ray or the next row.
 
 use crate::{error::Result, ops::knn};
 
@@ -11,15 +11,14 @@ const NEAREST: f32 = 0.5;
 const REACH: f32 = 1000.0;
 /// Metres within which a drop or flake answers at all: it is smaller than the beam, so that its echo falls with the fourth power of the range.
 const ALONE_WITHIN: f32 = 30.0;
-/// Rays around that of a return, among which its surface must be met again: enough to reach the rows above and below where rows are ten times
-/// as far apart as the steps along them.
-const RAYS: usize = 32;
-/// The first of them, which tell of most returns that they are not alone.
-const FIRST_RAYS: usize = 4;
-/// How many times farther the surface behind is: steep ones change their range by less from ray to ray.
-const BEHIND: f32 = 1.2;
-/// Share of its range within which a far return must have others: a clip in other units than metres has.
-const SAME_PLACE: f64 = 0.1;
+/// So many rays next to a return's, all of which must go past it, and how many times farther what they meet is at least: steep surfaces change
+/// their range by less from ray to ray.
+const PAST: (usize, f32) = (4, 1.2);
+/// Share of its range within which others are at the same place as a return: three degrees, wider than the rows of a sensor of 16 are apart, so
+/// that what is hit once in each row has company.
+const SAME_PLACE: f32 = 0.05;
+/// So many others at the same place are a surface, out of reach as it is.
+const SURFACE: usize = 32;
 
 /// Why a return is no surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +37,10 @@ pub(crate) enum Stray {
 /// `points` `[N, 3]` and `origins` `[N, 3]`, where their rays start, metres.
 ///
 /// # Formula
-/// With the range `r`: at the sensor for `r < 0.5 m`; out of reach for `r > 1 km` with fewer than 32 others within `r / 10`; alone for
-/// `r < 30 m` if the 32 returns whose rays are nearest in direction are all beyond `1.2 r`.
+/// With the range `r`: at the sensor for `r < 0.5 m`; out of reach for `r > 1 km`, where most of the sweep is not, with fewer than 32 others
+/// within `r / 20`; alone for
+/// `r < 30 m` if the 4 returns whose rays are nearest in direction are all beyond `1.2 r`, and no other is within `r / 20`. What other sensors
+/// measured from elsewhere may seem to lie before surfaces, but has company there.
 ///
 /// # Errors
 /// When a coordinate is not finite.
@@ -49,12 +50,13 @@ pub(crate) fn strays(points: &[[f32; 3]], origins: &[[f32; 3]]) -> Result<Vec<(u
     let mut found: Vec<(u32, Stray)> =
         indices().filter(|&(_, range)| range < NEAREST).map(|(i, _)| (i, Stray::AtSensor)).collect();
     let far: Vec<u32> = indices().filter(|&(_, range)| range > REACH).map(|(i, _)| i).collect();
-    if !far.is_empty() {
-        let others = knn::nearest_of(points, &far, RAYS)?;
+    // A clip in other units than metres has most of its returns there.
+    if !far.is_empty() && 2 * far.len() < points.len() {
+        let others = knn::nearest_of(points, &far, SURFACE)?;
         let lonely = |(m, &i): (usize, &u32)| {
             let last =
-                others.of(m).get(RAYS - 1).map(|&j| knn::squared_distance(&points[i as usize], &points[j as usize]));
-            last.is_none_or(|squared| squared.sqrt() > SAME_PLACE * f64::from(rays[i as usize].1))
+                others.of(m).get(SURFACE - 1).map(|&j| knn::squared_distance(&points[i as usize], &points[j as usize]));
+            last.is_none_or(|squared| squared.sqrt() > f64::from(SAME_PLACE * rays[i as usize].1))
                 .then_some((i, Stray::OutOfReach))
         };
         found.extend(far.iter().enumerate().filter_map(lonely));
@@ -62,23 +64,31 @@ pub(crate) fn strays(points: &[[f32; 3]], origins: &[[f32; 3]]) -> Result<Vec<(u
     found.sort_unstable_by_key(|&(i, _)| i);
     let is_found = |i: u32| found.binary_search_by_key(&i, |&(j, _)| j).is_ok();
     let others: Vec<u32> = indices().map(|(i, _)| i).filter(|&i| !is_found(i)).collect();
-    let (directions, ranges): (Vec<[f32; 3]>, Vec<f32>) = others.iter().map(|&i| rays[i as usize]).unzip();
-    let near: Vec<u32> = (0..).zip(&ranges).filter(|(_, range)| **range < ALONE_WITHIN).map(|(m, _)| m).collect();
-    let alone = before_all(&directions, &ranges, &before_all(&directions, &ranges, &near, FIRST_RAYS)?, RAYS)?;
-    found.extend(alone.into_iter().map(|m| (others[m as usize], Stray::Alone)));
+    let measured: Vec<([f32; 3], f32)> = others.iter().map(|&i| rays[i as usize]).collect();
+    found.extend(alone(&measured)?.into_iter().map(|m| (others[m as usize], Stray::Alone)));
     found.sort_unstable_by_key(|&(i, _)| i);
     Ok(found)
 }
 
-/// Those of the returns `chosen` that are before everything the nearest `count` rays meet, where there are so many.
-fn before_all(directions: &[[f32; 3]], ranges: &[f32], chosen: &[u32], count: usize) -> Result<Vec<u32>> {
-    let around = knn::nearest_of(directions, chosen, count)?;
-    let is_before = |(m, &i): (usize, &u32)| {
-        let rays = around.of(m);
-        let is_behind = |&j: &u32| ranges[j as usize] > BEHIND * ranges[i as usize];
-        (rays.len() == count && rays.iter().all(is_behind)).then_some(i)
+/// Those of the returns, as rays and their ranges, that the nearest rays go past, and that have no company.
+fn alone(rays: &[([f32; 3], f32)]) -> Result<Vec<u32>> {
+    let directions: Vec<[f32; 3]> = rays.iter().map(|&(direction, _)| direction).collect();
+    let range = |i: u32| rays[i as usize].1;
+    let chosen: Vec<u32> = (0..).zip(rays).filter(|(_, (_, range))| *range < ALONE_WITHIN).map(|(i, _)| i).collect();
+    let nearest = knn::nearest_of(&directions, &chosen, PAST.0)?;
+    let is_past = |(m, &i): (usize, &u32)| {
+        let around = nearest.of(m);
+        (around.len() == PAST.0 && around.iter().all(|&j| range(j) > PAST.1 * range(i))).then_some(i)
     };
-    Ok(chosen.iter().enumerate().filter_map(is_before).collect())
+    let chosen: Vec<u32> = chosen.iter().enumerate().filter_map(is_past).collect();
+    let places: Vec<[f32; 3]> = rays.iter().map(|&(direction, range)| direction.map(|v| v * range)).collect();
+    let others = knn::nearest_of(&places, &chosen, 1)?;
+    let is_alone = |(m, &i): (usize, &u32)| {
+        let squared = |&j: &u32| knn::squared_distance(&places[i as usize], &places[j as usize]);
+        let limit = f64::from(SAME_PLACE * range(i)).powi(2);
+        others.of(m).first().map(squared).is_some_and(|squared| squared > limit).then_some(i)
+    };
+    Ok(chosen.iter().enumerate().filter_map(is_alone).collect())
 }
 
 /// The direction of a return from where its ray starts, and its range; no direction at the start itself.

@@ -155,3 +155,24 @@ fn values_that_are_wrong_are_named_by_their_return() {
     });
     assert!(jump.contains("1.bin: point 0: expected "), "{jump}");
 }
+
+#[test]
+fn rows_that_are_no_return_are_left_out_of_what_is_parallel_to_them() {
+    let fixture = swept(Compensation::None);
+    let whole = ClipDir::open(fixture.dir.path()).unwrap().load_sweep(0).unwrap();
+    let path = fixture.dir.path().join(&fixture.clip.frames[0].lidar.file);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[16..32].copy_from_slice(&f32::NAN.to_le_bytes().repeat(4));
+    std::fs::write(&path, &bytes).unwrap();
+    let found = ClipDir::open(fixture.dir.path()).unwrap().load_sweep(0).unwrap();
+    assert_eq!((found.num_missing, found.points.len()), (1, 4));
+    assert_eq!(found.points[1..], whole.points[2..]);
+    assert_eq!(found.times.unwrap()[1..], whole.times.unwrap()[2..]);
+    assert_eq!(found.sensors.unwrap()[1..], whole.sensors.unwrap()[2..]);
+    assert_eq!(found.origins.unwrap()[1..], whole.origins.unwrap()[2..]);
+    // Half a row is damage, and named.
+    bytes[20..24].copy_from_slice(&1.0_f32.to_le_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    let error = ClipDir::open(fixture.dir.path()).unwrap().load_sweep(0).unwrap_err().to_string();
+    assert!(error.contains("point 1: expected finite values"), "{error}");
+}
