@@ -1,7 +1,5 @@
 //! Views from a clip directory.
 
-use std::borrow::Cow;
-
 use lgs_formats::{clip_dir::ClipDir, sweep::Sweep};
 use rayon::prelude::*;
 
@@ -37,7 +35,8 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
         Role::HeldOut => None,
     };
     let sweep = dir.load_sweep(image.frame)?;
-    let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &surfaces(&sweep)?);
+    let points = frame.points(&dir.clip().frames[image.frame].lidar.world_from_lidar, &sweep.points);
+    let points = surfaces(&pinhole, &points, &sweep)?;
     Ok(View {
         frame: image.frame,
         camera: loaded.camera.name,
@@ -51,16 +50,17 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
     })
 }
 
-/// The returns of a sweep that are surfaces.
+/// The returns of a sweep that project into a view and are surfaces, as far as the others that do tell: metres, clip frame, as `points` are.
 ///
 /// # Errors
 /// When a coordinate is not finite.
-fn surfaces(sweep: &Sweep) -> Result<Vec<[f32; 3]>> {
-    let at_sensor = || vec![[0.0; 3]; sweep.points.len()];
-    let origins = sweep.origins.as_ref().map_or_else(|| Cow::Owned(at_sensor()), Cow::Borrowed);
-    let strays = strays(&sweep.points, &origins)?;
-    let is_surface = |i: u32| strays.binary_search_by_key(&i, |&(j, _)| j).is_err();
-    Ok((0..).zip(&sweep.points).filter(|&(i, _)| is_surface(i)).map(|(_, &point)| point).collect())
+fn surfaces(view: &PinholeView, points: &[[f32; 3]], sweep: &Sweep) -> Result<Vec<[f32; 3]>> {
+    let seen: Vec<usize> = (0..points.len()).filter(|&i| view.project(points[i]).is_some()).collect();
+    let origin = |&i: &usize| sweep.origins.as_ref().map_or([0.0; 3], |origins| origins[i]);
+    let own: Vec<[f32; 3]> = seen.iter().map(|&i| sweep.points[i]).collect();
+    let strays = strays(&own, &seen.iter().map(origin).collect::<Vec<_>>())?;
+    let is_surface = |m: u32| strays.binary_search_by_key(&m, |&(stray, _)| stray).is_err();
+    Ok((0..).zip(seen).filter(|&(m, _)| is_surface(m)).map(|(_, i)| points[i]).collect())
 }
 
 /// The nearest of `points` (metres, clip frame) in every pixel that one projects to, ascending by pixel.
