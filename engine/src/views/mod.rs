@@ -53,7 +53,7 @@ pub struct View {
     pub role: Role,
     /// Camera at its own timestamp.
     pub pinhole: PinholeView,
-    /// The image: as the camera took it, or of common colours where there is a response.
+    /// The image: as the camera took it, or, of an input view with a response, of common colours.
     pub image: RgbImage,
     /// How the camera shows the common colours of `image`; `None` where these are its own.
     pub response: Option<Response>,

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use serde::Serialize;
 
-use super::{PinholeView, View};
+use super::{PinholeView, Role, View};
 
 /// Least colour that a power is taken of: half a step of eight bits.
 const DARKEST: f32 = 0.5 / 255.0;
@@ -34,6 +34,9 @@ pub struct Response {
     pub grey: bool,
 }
 
+/// From this value on an image may have clipped what was brighter; at 1 it surely did.
+const CLIPPED: f32 = 0.96;
+
 /// What red, green and blue are worth as brightness (ITU-R BT.601).
 const BRIGHTNESS: [f32; 3] = [0.299, 0.587, 0.114];
 
@@ -44,7 +47,7 @@ impl Response {
     /// Shows common colours as brightness.
     pub const GREY: Self = Self { grey: true, ..Self::IDENTITY };
 
-    /// The common colours of an image, in its place. What the camera clips is as bright as it can show.
+    /// The common colours of an image, in its place. What the camera clips is as bright as a scene can be.
     ///
     /// # Shapes
     /// `rgb` `[H, W, 3]`.
@@ -52,7 +55,10 @@ impl Response {
         let power = 1.0 / self.tone;
         self.each(rgb, pinhole, |value, gain| {
             let straight = if power == 1.0 { value } else { curved(value, power) };
-            straight / gain
+            let common = straight / gain;
+            // What is clipped is at least as bright as it looks: then as bright as the brightest that a scene holds.
+            let clipped = ((value - CLIPPED) / (1.0 - CLIPPED)).clamp(0.0, 1.0).powi(2);
+            common + clipped * (1.0 - common).max(0.0)
         });
     }
 
@@ -103,7 +109,7 @@ pub(crate) fn off_axis(pinhole: &PinholeView, u: f32, v: f32) -> f32 {
 impl View {
     /// The view with its image as the camera took it, for who compares with it: without a depth map.
     pub fn as_taken(&self) -> Cow<'_, Self> {
-        let Some(response) = self.response else { return Cow::Borrowed(self) };
+        let Some(response) = self.response.filter(|_| self.role == Role::Input) else { return Cow::Borrowed(self) };
         let mut data = self.image.data.clone();
         response.show(&mut data, &self.pinhole);
         let image = RgbImage { data, ..self.image };
@@ -126,9 +132,12 @@ impl View {
         })
     }
 
-    /// Nothing: the image, as the camera took it, becomes one of common colours.
+    /// Nothing: the image of an input view, as the camera took it, becomes one of common colours; a held-out one stays as it was taken, and what is
+    /// drawn for it is shown so.
     pub(crate) fn make_common(&mut self, response: Response) {
-        response.to_common(&mut self.image.data, &self.pinhole);
+        if self.role == Role::Input {
+            response.to_common(&mut self.image.data, &self.pinhole);
+        }
         self.response = Some(response);
     }
 }

@@ -1,10 +1,11 @@
-//! Times of single returns and the motion within a sweep, from made streets and real folders to the scene.
+//! Returns: their times and the motion within a sweep, and what is no surface; from made streets and real folders to the scene.
 
 mod foreign;
+mod strays;
 mod street;
 
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    [street::cases(), foreign::cases()].into_iter().flatten().collect()
+    [street::cases(), foreign::cases(), strays::cases()].into_iter().flatten().collect()
 }
