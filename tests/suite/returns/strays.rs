@@ -64,8 +64,11 @@ fn kilometres(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
     (0..5).map(of).collect()
 }
 
+/// What is added to the returns of a sweep, or stands in their place.
+type More<'a> = &'a dyn Fn(&[[f32; 3]]) -> Vec<[f32; 3]>;
+
 /// A copy of the street whose sweeps, held-out ones included, have more rows, among the others.
-fn with(more: &dyn Fn(&[[f32; 3]]) -> Vec<[f32; 3]>, place: &Path) -> Result<PathBuf, Failed> {
+fn with(more: More<'_>, place: &Path) -> Result<PathBuf, Failed> {
     let copy = place.join("clip");
     clips::copy(&clips::street(), &copy)?;
     for frame in &ClipDir::open(&copy)?.clip().frames {
@@ -93,7 +96,7 @@ fn found(clip: &Path, weights: &str, place: &Path) -> Result<serde_json::Value, 
     Ok(metrics::read(&out)?)
 }
 
-fn changes_nothing(kind: &str, more: &dyn Fn(&[[f32; 3]]) -> Vec<[f32; 3]>) -> Outcome {
+fn changes_nothing(kind: &str, more: More<'_>) -> Outcome {
     let place = tempfile::tempdir()?;
     let clip = with(more, place.path())?;
     for weights in WEIGHTS {
