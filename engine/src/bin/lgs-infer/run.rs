@@ -81,7 +81,6 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let (recipe, until) = (plan.recipe, plan.until);
     let model = model.filter(|_| recipe.network);
     let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
-    let reduce = recipe.refine_reduce;
     let network = model.as_ref().map(|loaded| NetworkSettings {
         model: &loaded.model,
         refine: plan.refinement(turns),
@@ -94,7 +93,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut reconstruction = begun.finish(recipe.start(), network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
-        let settings = OptimiseSettings { steps, turns, reduce, until, step_s: plan.adam_step_s() };
+        let settings =
+            OptimiseSettings { steps, turns, reduce: recipe.refine_reduce, until, step_s: plan.adam_step_s() };
         optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
     }
     plan.spent(&reconstruction, start);
