@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
     network::source::ModelSource,
-    pipeline::{Begun, Reconstruction, Stage, Watch},
+    pipeline::{Begun, OptimiseSettings, Reconstruction, Stage, Watch},
     plan::{Budget, ClipWork, Recipe, Record, choose},
     refine::{LineSearch, RefineSettings, Turns},
     report::BudgetRecord,
@@ -29,6 +29,12 @@ impl Plan {
     pub(crate) fn refinement(&self, turns: Turns) -> RefineSettings {
         let Recipe { refine_steps: steps, refine_reduce: reduce, line_search, adam_steps, .. } = self.recipe;
         RefineSettings { steps, turns, reduce, until: self.until, line_search, optimised_after: adam_steps > 0 }
+    }
+
+    /// So many steps of a per-scene optimisation.
+    pub(crate) fn optimisation(&self, steps: usize, turns: Turns) -> OptimiseSettings {
+        let reduce = self.recipe.refine_reduce;
+        OptimiseSettings { steps, turns, reduce, until: self.until, step_s: self.adam_step_s() }
     }
 
     /// Steps of per-scene optimisation, those that only time decides on included.

@@ -15,8 +15,8 @@ use lgs_engine::{
     },
     photometry::{Colours, LensFinding, Lenses, Photometry, with_fitting_lenses},
     pipeline::{
-        Drawing, Figures, Flags, Inputs, NetworkSettings, OptimiseSettings, RenderedView, Stage, Watch, begin,
-        check_memory, evaluate_views, optimise,
+        Drawing, Figures, Flags, Inputs, NetworkSettings, RenderedView, Stage, Watch, begin, check_memory,
+        evaluate_views, optimise,
     },
     plan::Recipe,
     refine::Turns,
@@ -78,7 +78,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     if args.max_gaussians.is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none()) {
         plan.recipe.max_gaussians = None;
     }
-    let (recipe, until) = (plan.recipe, plan.until);
+    let recipe = plan.recipe;
     let model = model.filter(|_| recipe.network);
     let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
     let network = model.as_ref().map(|loaded| NetworkSettings {
@@ -93,9 +93,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut reconstruction = begun.finish(recipe.start(), network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
-        let settings =
-            OptimiseSettings { steps, turns, reduce: recipe.refine_reduce, until, step_s: plan.adam_step_s() };
-        optimise(&mut reconstruction, &inputs, settings, &mut watch)?;
+        optimise(&mut reconstruction, &inputs, plan.optimisation(steps, turns), &mut watch)?;
     }
     plan.spent(&reconstruction, start);
     let shown = job.shown(&inputs);
