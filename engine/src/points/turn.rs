@@ -3,7 +3,7 @@
 //! If the returns were left where they were measured while the vehicle drove, surfaces of two sweeps meet better once each return is brought
 //! to one moment by the vehicle's motion, with the right sense of rotation; and worse if that was done before.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use lgs_formats::{
     clip::{Clip, ReturnsRecord},
     lidar_motion::LidarMotion,
@@ -71,6 +71,8 @@ impl Turn {
 struct Sweep {
     motion: LidarMotion,
     clip_from_lidar: Pose,
+    /// Turn from the sensor's axes to those in which z is up.
+    mount: DMat3,
     returns: std::ops::Range<usize>,
 }
 
@@ -112,6 +114,8 @@ fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, V
         return None;
     }
     let mut sweeps = Vec::new();
+    let first = cloud.frames.first().map_or(0, |&frame| frame as usize);
+    let mount = frame.lidar_from_clip(clip, first).map_or(DMat3::IDENTITY, |turn| turn.transpose());
     let mut start = 0;
     for run in cloud.frames.chunk_by(|a, b| a == b) {
         let record = &clip.frames.get(run[0] as usize)?.lidar;
@@ -125,6 +129,7 @@ fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, V
         sweeps.push(Sweep {
             motion: LidarMotion::of(clip, run[0] as usize),
             clip_from_lidar: frame.clip_from_world * record.world_from_lidar,
+            mount,
             returns,
         });
         start += run.len();
@@ -149,9 +154,9 @@ fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, V
 }
 
 impl Sweep {
-    /// Radians from ahead, to the left.
+    /// Radians from ahead, to the left, however the sensor is mounted.
     fn azimuth(&self, place: [f32; 3]) -> Option<f64> {
-        let at = self.clip_from_lidar.inverse().transform_point(DVec3::from(place.map(f64::from)));
+        let at = self.mount * self.clip_from_lidar.inverse().transform_point(DVec3::from(place.map(f64::from)));
         (at.x != 0.0 || at.y != 0.0).then(|| at.y.atan2(at.x))
     }
 }

@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn blocks_behind_which_there_is_the_same_are_one() {
-        let (width, height) = (96, 48);
+        let (width, height) = (240, 144);
         let of = |edge: usize| {
             let near = |i: usize| i % width < edge;
             let view = seen(ahead(width, height, 50.0), vec![0.5; 3 * width * height]);
@@ -147,12 +147,14 @@ mod tests {
             let (view, sheet) = of(edge);
             rows(&view, &sheet, Coarseness::new(factor).unwrap()).len()
         };
-        assert_eq!((count(0, 0.0), count(0, 1.0)), (16 * 8, 4 * 2));
-        let with_edge = count(50, 1.0);
-        assert!(with_edge > 8 && with_edge < 40, "{with_edge}");
+        // 40 x 24 blocks; of the twice as wide ones, and of those twice as wide again, all but the outermost.
+        assert_eq!((count(0, 0.0), count(0, 1.0)), (960, (960 - 4 * 180) + (180 - 4 * 32) + 32));
+        let with_edge = count(126, 1.0);
+        assert!(with_edge > 324 && with_edge < 600, "{with_edge}");
         let (view, sheet) = of(0);
-        for row in rows(&view, &sheet, Coarseness::default()) {
-            assert!((row[MEAN.start + 2] - 25.0).abs() < 1e-3 && (row[LOG_SCALE.start].exp() - 7.2).abs() < 0.1);
-        }
+        let all = rows(&view, &sheet, Coarseness::default());
+        let wide = |side: f32| all.iter().filter(|row| (row[LOG_SCALE.start].exp() - 0.3 * side).abs() < 0.01).count();
+        assert_eq!([wide(6.0), wide(12.0), wide(24.0)], [240, 52, 32]);
+        assert!(all.iter().all(|row| (row[MEAN.start + 2] - 25.0).abs() < 1e-3));
     }
 }

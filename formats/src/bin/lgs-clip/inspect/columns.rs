@@ -30,7 +30,11 @@ pub(super) fn row_width(points: &[[f32; 3]], intensities: &[f32]) -> Option<usiz
         pairs.map(|(a, b)| distance(&columns[a], &columns[b])).sum::<f64>() / if width == 3 { 3.0 } else { 6.0 }
     };
     let best = WIDTHS.into_iter().map(|width| (width, apart(width))).max_by(|a, b| a.1.total_cmp(&b.1));
-    best.filter(|(_, apart)| *apart > 2.0 * SAME).map(|(width, _)| width)
+    let width = best.filter(|(_, apart)| *apart > 2.0 * SAME).map(|(width, _)| width)?;
+    // Halves of rows of six may differ as much as rows of three do; but then they differ from one another, too.
+    let of_six = columns(&values, 6);
+    let halves_differ = (0..3).any(|column| distance(&of_six[column], &of_six[column + 3]) > SAME);
+    Some(if width == 3 && halves_differ { 6 } else { width })
 }
 
 /// What to say of the widths of a clip's sweeps.
