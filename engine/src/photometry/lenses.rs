@@ -92,7 +92,7 @@ pub fn with_fitting_lenses(dir: ClipDir, selection: &Selection) -> Result<(ClipD
         cameras: Some(cameras.clone()),
         frames: Some(frames),
         hold_out: Vec::new(),
-        image_size: Some(ImageSize { height: height / factor, width: width / factor }),
+        image_size: Some(ImageSize { height: (height / factor).max(1), width: width / factor }),
     };
     let stated = load_views(&dir, &small, Role::Input, &frame, &|| ())?;
     let plain = dir.clone().without_distortion();

@@ -82,6 +82,17 @@ fn common_colours_hold_what_the_reference_clips() {
 }
 
 #[test]
+fn what_is_no_number_is_not_hidden() {
+    let pinhole = ahead(2, 1, 10.0);
+    for response in [Response::IDENTITY, Response { tone: 0.8, ..Response::IDENTITY }] {
+        let mut rgb = [f32::NAN, 0.5, f32::INFINITY, 0.2, 2.0, -1.0];
+        response.show(&mut rgb, &pinhole);
+        assert!(rgb[0].is_nan() && rgb[2].is_infinite(), "{rgb:?}");
+        assert_eq!(rgb[4..], [1.0, 0.0]);
+    }
+}
+
+#[test]
 fn a_held_out_moment_takes_what_lies_between() {
     let mut found = Photometry::estimate(&rig(Response { gain: [0.5; 3], ..Response::IDENTITY }), None).unwrap();
     let of_b: Vec<usize> = (0..found.images.len()).filter(|&i| found.images[i].camera == "b").collect();

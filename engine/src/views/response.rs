@@ -4,7 +4,6 @@ use std::borrow::Cow;
 
 use lgs_formats::image::RgbImage;
 use rayon::prelude::*;
-
 use serde::Serialize;
 
 use super::{PinholeView, Role, View};
@@ -73,6 +72,10 @@ impl Response {
             }
         }
         self.each(rgb, pinhole, |value, gain| {
+            // What is no number stays so, to be told of: limits would hide it.
+            if !value.is_finite() {
+                return value;
+            }
             let straight = (value * gain).max(0.0);
             let shown = if self.tone == 1.0 { straight } else { curved(straight, self.tone) };
             shown.min(1.0)
