@@ -162,8 +162,17 @@ mod tests {
     #[test]
     fn a_stop_stands_where_its_camera_stood() {
         let camera_from_clip = [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 1.5], [1.0, 0.0, 0.0, -7.0]];
-        let pinhole =
-            PinholeView { width: 4, height: 2, fx: 3.0, fy: 3.0, cx: 2.0, cy: 1.0, camera_from_clip, time: 0.5 };
+        let pinhole = PinholeView {
+            width: 4,
+            height: 2,
+            fx: 3.0,
+            fy: 3.0,
+            cx: 2.0,
+            cy: 1.0,
+            camera_from_clip,
+            time: 0.5,
+            shutter: None,
+        };
         let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
         let (camera, role) = ("front".to_owned(), Role::Input);
         let view = View {

@@ -1,4 +1,6 @@
-//! Pinhole cameras and lens distortion.
+//! Pinhole cameras, lens distortion and shutters.
+
+use glam::DMat3;
 
 use crate::pose::Pose;
 
@@ -24,16 +26,81 @@ impl Intrinsics {
     }
 }
 
-/// Brown-Conrady lens distortion `[k1, k2, p1, p2, k3]` (`OpenCV`'s order).
+/// What the lens of a camera makes of straight lines in its image file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Distortion(pub [f64; 5]);
+pub enum Distortion {
+    /// Brown and Conrady's `[k1, k2, p1, p2, k3]` (`OpenCV`'s order).
+    BrownConrady([f64; 5]),
+    /// A fisheye lens.
+    Fisheye(Fisheye),
+}
+
+/// A fisheye lens by `OpenCV`'s model of four coefficients, of whose image a camera is a part.
+///
+/// # Formula
+/// A ray at angle `t` from the axis falls at radius `f t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)` from the principal point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fisheye {
+    /// `[k1, k2, k3, k4]`.
+    pub coefficients: [f64; 4],
+    /// Width of the image file, pixels.
+    pub width: u32,
+    /// Height of the image file, pixels.
+    pub height: u32,
+    /// Intrinsics of the image file.
+    pub intrinsics: Intrinsics,
+    /// Pose of the fisheye camera in the clip's world frame.
+    pub world_from_fisheye: Pose,
+    /// How the pinhole that is cut out of its image is turned.
+    pub fisheye_from_pinhole: DMat3,
+}
+
+/// How long a rolling shutter takes from the first line of an image to the last, and which way it goes.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Readout {
+    /// Seconds from the first line to the last; 0: all at once.
+    pub seconds: f64,
+    /// Where in the image file the first line is.
+    pub direction: ReadoutDirection,
+}
+
+/// The way that a rolling shutter goes over the image file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReadoutDirection {
+    /// By rows, the top one first.
+    TopToBottom,
+    /// By rows, the bottom one first.
+    BottomToTop,
+    /// By columns, the left one first.
+    LeftToRight,
+    /// By columns, the right one first.
+    RightToLeft,
+}
+
+impl Readout {
+    /// Seconds after the camera's timestamp, which is that of the middle of the image file, at which a place of the file is exposed.
+    ///
+    /// # Shapes
+    /// `u` and `v` as shares of the file's width and height.
+    pub fn moment(&self, [u, v]: [f64; 2]) -> f64 {
+        let share = match self.direction {
+            ReadoutDirection::TopToBottom => v,
+            ReadoutDirection::BottomToTop => 1.0 - v,
+            ReadoutDirection::LeftToRight => u,
+            ReadoutDirection::RightToLeft => 1.0 - u,
+        };
+        self.seconds * (share.clamp(0.0, 1.0) - 0.5)
+    }
+}
 
 /// One camera at one moment. Axes: x right, y down, z forward.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name of the sensor, shared by its images of all frames.
     pub name: String,
-    /// Moment of exposure, seconds, in the clip's own time scale.
+    /// Moment of exposure, of the middle of a rolling shutter's readout, seconds, in the clip's own time scale.
     pub timestamp: f64,
     /// Image width, pixels.
     pub width: u32,
@@ -43,6 +110,18 @@ pub struct Camera {
     pub intrinsics: Intrinsics,
     /// Lens distortion of the image file; `None` when it is rectified.
     pub distortion: Option<Distortion>,
-    /// Pose of the camera in the clip's world frame.
+    /// The shutter, where it is a rolling one.
+    pub readout: Option<Readout>,
+    /// Pose of the camera at `timestamp` in the clip's world frame.
     pub world_from_camera: Pose,
+}
+
+impl Camera {
+    /// Width and height of the image file, pixels.
+    pub const fn file_size(&self) -> [u32; 2] {
+        match self.distortion {
+            Some(Distortion::Fisheye(Fisheye { width, height, .. })) => [width, height],
+            _ => [self.width, self.height],
+        }
+    }
 }

@@ -7,6 +7,7 @@ use std::{
 };
 
 use crate::{
+    camera::Distortion,
     clip::{CameraRecord, Clip, LidarRecord, ReturnsRecord},
     clip_json,
     error::{FormatError, Result},
@@ -109,11 +110,11 @@ impl ClipDir {
         Ok(self)
     }
 
-    /// The same clip, its images taken as rectified, whatever it says of their lenses.
+    /// The same clip, its images taken as rectified, whatever it says of their lenses; those of fisheyes stay what they are.
     #[must_use]
     pub fn without_distortion(mut self) -> Self {
         for record in self.clip.frames.iter_mut().flat_map(|frame| &mut frame.cameras) {
-            record.camera.distortion = None;
+            record.camera.distortion = record.camera.distortion.filter(|lens| matches!(lens, Distortion::Fisheye(_)));
         }
         self
     }

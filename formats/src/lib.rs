@@ -8,6 +8,7 @@ pub mod pose;
 pub mod program;
 
 pub mod camera;
+pub mod camera_motion;
 pub mod camera_path;
 pub mod clip;
 pub mod clip_dir;

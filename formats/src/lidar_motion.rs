@@ -22,16 +22,16 @@ pub struct LidarMotion {
 
 /// An even motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Rates {
+pub(crate) struct Rates {
     /// Rotation vector a second, radians, in the axes of the pose that it starts from.
-    turn: DVec3,
+    pub(crate) turn: DVec3,
     /// Metres a second, in the world's axes.
-    velocity: DVec3,
+    pub(crate) velocity: DVec3,
 }
 
 impl Rates {
     /// From one pose to another, `seconds` later.
-    fn between(a: &Pose, b: &Pose, seconds: f64) -> Self {
+    pub(crate) fn between(a: &Pose, b: &Pose, seconds: f64) -> Self {
         let turn = DQuat::from_mat3(&(a.rotation().transpose() * b.rotation()));
         let turn = if turn.w < 0.0 { -turn } else { turn };
         Self { turn: turn.to_scaled_axis() / seconds, velocity: (b.translation() - a.translation()) / seconds }

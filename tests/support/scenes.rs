@@ -158,6 +158,7 @@ pub fn pinhole(camera: &Camera) -> PinholeView {
         cy: narrow(camera.cy),
         camera_from_clip: camera.camera_from_world.map(|row| row.map(narrow)),
         time: narrow(camera.time),
+        shutter: None,
     }
 }
 

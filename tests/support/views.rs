@@ -49,6 +49,7 @@ fn view_of(picture: &RgbImage) -> View {
         cy: 0.5 * height as f32,
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
+        shutter: None,
     };
     View {
         frame: 0,

@@ -25,7 +25,7 @@ const NEAR: f64 = views::NEAR as f64;
 /// of the own vehicle and says nothing of what the camera sees.
 ///
 /// Boxes are given at the moment of the LiDAR; each is carried to the view's own moment with its track's velocity: the
-/// difference of its positions in the neighbouring frames of the track, by their timestamps. A track of a single frame has
+/// difference of its positions in the neighbouring frames of the track, by their timestamps. Where the shutter rolls, a box is carried to the moment at which its middle is exposed. A track of a single frame has
 /// no known velocity and counts as static.
 pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec<bool>> {
     let record = clip.frames.get(view.frame)?;
@@ -36,14 +36,13 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
     }
     let pinhole = &view.pinhole;
     let mut mask = vec![false; pinhole.width * pinhole.height];
-    let camera_from_world = camera_from_clip(pinhole) * frame.clip_from_world;
-    let eye = camera_from_world.inverse().translation();
-    let seconds = frame.time_zero + f64::from(pinhole.time) - record.lidar.timestamp;
     for tracked in record.boxes.iter().flatten() {
         let Some(velocity) = track_velocity(clip, view.frame, tracked).filter(|v| v.length() > MOVING_SPEED) else {
             continue;
         };
-        if is_around(tracked, eye - velocity * seconds) {
+        let (camera, seconds) = exposing(pinhole, frame, (tracked, velocity), record.lidar.timestamp);
+        let camera_from_world = camera_from_clip(&camera) * frame.clip_from_world;
+        if is_around(tracked, camera_from_world.inverse().translation() - velocity * seconds) {
             continue;
         }
         let corners = box_corners(tracked).map(|c| camera_from_world.transform_point(c + velocity * seconds));
@@ -53,6 +52,22 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
         *pixel |= *label == PixelLabel::Dynamic;
     }
     Some(mask)
+}
+
+/// The camera at the moment at which the middle of a box is exposed, and the seconds from a moment, at which it is given, until then.
+fn exposing(
+    pinhole: &PinholeView,
+    frame: &ClipFrame,
+    (tracked, velocity): (&TrackedBox, DVec3),
+    given: f64,
+) -> (PinholeView, f64) {
+    let until = |view: &PinholeView| frame.time_zero + f64::from(view.time) - given;
+    let Some(shutter) = &pinhole.shutter else { return (*pinhole, until(pinhole)) };
+    let middle = tracked.world_from_box.translation() + velocity * until(pinhole);
+    let single = |v: DVec3| v.to_array().map(views::to_f32);
+    let place = single(frame.clip_from_world.transform_point(middle));
+    let taking = pinhole.taking(shutter, place, single(frame.clip_from_world.rotation() * velocity));
+    (taking, until(&taking))
 }
 
 /// Velocity of a box's track at a frame, metres a second in the world; `None` when no other frame has the track or the

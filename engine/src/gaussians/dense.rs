@@ -121,9 +121,10 @@ fn seen_in(set: &GaussianSet, (view, finer): (&View, &[&View]), fate: &[Fate]) -
             return None;
         }
         let (row, elapsed) = (&set.attributes[index], view.pinhole.time - set.times[index]);
-        let place = [0, 1, 2].map(|k| row[MEAN.start + k] + set.velocities[index][k] * elapsed);
-        let at = view.pinhole.project(place)?;
-        if finer.iter().any(|finer| finer.pinhole.project(place).is_some()) {
+        let velocity = set.velocities[index];
+        let place = [0, 1, 2].map(|k| row[MEAN.start + k] + velocity[k] * elapsed);
+        let at = view.pinhole.project_moving(place, velocity)?;
+        if finer.iter().any(|finer| finer.pinhole.project_moving(place, velocity).is_some()) {
             return None;
         }
         let colour = [0, 1, 2].map(|k| sigmoid(row[LOGIT_COLOUR.start + k]));
@@ -166,7 +167,7 @@ fn together(
     // From the first one's time, so that the mean of equal times is that time.
     let later: f32 = returns.iter().map(|seen| set.times[seen.index] - set.times[lead]).sum();
     let time = set.times[lead] + later / returns.len() as f32;
-    let elapsed = view.pinhole.time - time;
+    let elapsed = view.pinhole.exposing(middle).time - time;
     made[MEAN].iter_mut().zip(set.velocities[lead]).for_each(|(x, v)| *x -= v * elapsed);
     made[LOG_SCALE].iter_mut().for_each(|s| *s = s.clamp(MIN_SCALE.ln(), MAX_SCALE.ln()));
     Some((made, time))

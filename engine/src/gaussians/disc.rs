@@ -72,7 +72,7 @@ pub(super) fn put(
     let (first, second) = (a * cos + b * sin, b * cos - a * sin);
     let lengths = [first.length(), second.length()];
     let axes = [first / lengths[0], second / lengths[1]];
-    let m = &view.camera_from_clip;
+    let m = &view.exposing(place).camera_from_clip;
     let clip_from_camera = Mat3::from_cols(
         Vec3::new(m[0][0], m[0][1], m[0][2]),
         Vec3::new(m[1][0], m[1][1], m[1][2]),

@@ -3,7 +3,7 @@
 //! The returns tell. What two images show of the same returns is more alike under the right lens, whether one camera took them one after the
 //! other or two of a rig side by side.
 
-use lgs_formats::{clip_dir::ClipDir, image::ImageSize};
+use lgs_formats::{camera::Distortion, clip_dir::ClipDir, image::ImageSize};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -76,7 +76,8 @@ pub fn with_fitting_lenses(dir: ClipDir, selection: &Selection) -> Result<(ClipD
     let mut size = None;
     for record in frames.iter().flat_map(|&frame| &dir.clip().frames[frame].cameras) {
         let camera = &record.camera;
-        let distorted = camera.distortion.is_some_and(|lens| lens.0.iter().any(|&k| k != 0.0));
+        let distorted =
+            matches!(camera.distortion, Some(Distortion::BrownConrady(lens)) if lens.iter().any(|&k| k != 0.0));
         if distorted && wanted(&camera.name) && !cameras.contains(&camera.name) {
             cameras.push(camera.name.clone());
             size = size.or(Some([camera.height, camera.width].map(|side| usize::try_from(side).unwrap_or(1))));

@@ -51,6 +51,7 @@ fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
             height: SIZE.1,
             intrinsics: Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 },
             distortion: None,
+            readout: None,
             world_from_camera: Pose::new(clip_from_camera, at),
         };
         Frame {

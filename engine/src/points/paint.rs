@@ -50,7 +50,7 @@ pub(crate) fn samples_of(
     view: &PinholeView,
 ) -> Vec<DepthSample> {
     let sample = |(place, velocity, time): ([f32; 3], [f32; 3], f32)| {
-        let at = view.project(moved(place, velocity, view.time - time))?;
+        let at = view.project_moving(moved(place, velocity, view.time - time), velocity)?;
         Some(DepthSample { pixel: u32::try_from(at.pixel(view.width)).ok()?, depth: at.depth })
     };
     let mut samples: Vec<DepthSample> = places.filter_map(sample).collect();
@@ -69,7 +69,8 @@ fn colour_of(cloud: &PointCloud, i: usize, velocity: [f32; 3], inputs: &[(&View,
     let mut best: Option<([f32; 3], (f32, f32))> = None;
     for (view, grid) in inputs {
         let seconds = view.pinhole.time - cloud.times[i];
-        let Some(at) = view.pinhole.project(moved(cloud.positions[i], velocity, seconds)) else { continue };
+        let place = moved(cloud.positions[i], velocity, seconds);
+        let Some(at) = view.pinhole.project_moving(place, velocity) else { continue };
         let wait = if own(view) { -1.0 } else { ((view.pinhole.time - cloud.times[i]).abs() / SAME_WAIT).round() };
         let footprint = at.depth / view.pinhole.fx; // metres a pixel
         if best.is_some_and(|(_, rank)| rank <= (wait, footprint)) || grid.covers(at) {

@@ -3,19 +3,20 @@
 //! Done in f64 (a few hundred operations a Gaussian, small beside compositing), so that huge, tiny, thin and far Gaussians keep
 //! their shape; the result is stored in f32.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use super::constants::{ALPHA_MIN, BLUR_PX2, JACOBIAN_MARGIN, LOG2_ALPHA_MIN, NEAR_PLANE};
 use crate::gaussians::physical::Splat;
-use crate::views::PinholeView;
+use crate::views::{PinholeView, Shutter, shutter::Lens};
 
 /// A camera in f64 with the limits of its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projector {
-    pub(super) rotation: DMat3,
+    rotation: DMat3,
     translation: DVec3,
     pub(super) focal: DVec2,
     centre: DVec2,
+    shutter: Option<Shutter>,
     /// Smallest and largest `x / z` and `y / z` at which the Jacobian is taken.
     limits_min: DVec2,
     limits_max: DVec2,
@@ -23,9 +24,26 @@ pub(super) struct Projector {
     size: [usize; 2],
 }
 
+/// A Gaussian in the camera at the moment at which it is exposed.
+#[derive(Clone, Copy, Debug)]
+struct Sight {
+    /// Mean in the camera frame, metres.
+    mean: DVec3,
+    /// `camera_from_clip`.
+    rotation: DMat3,
+    /// Seconds that the Gaussian has moved for.
+    elapsed: f64,
+    /// How a rolling shutter draws places of the image apart.
+    bend: Option<DMat2>,
+}
+
 /// What one Gaussian is in the camera, in f64: the common part of the forward and the backward pass.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projected {
+    /// `camera_from_clip`, seconds that it has moved for and what a rolling shutter does, all at the moment at which it is exposed: constants.
+    pub(super) rotation: DMat3,
+    pub(super) elapsed: f64,
+    pub(super) bend: Option<DMat2>,
     /// Mean in the camera frame, metres.
     pub(super) camera_mean: DVec3,
     /// Mean with x and y clamped for the Jacobian, and whether they were.
@@ -36,7 +54,7 @@ pub(super) struct Projected {
     pub(super) quat_norm: f64,
     /// Rotation of the Gaussian.
     pub(super) axes: DMat3,
-    /// Rows of `J W` `[2, 3]`.
+    /// Rows of `J W` `[2, 3]`, bent where a shutter rolls.
     pub(super) image_from_world: [DVec3; 2],
     /// Projected covariance with blur: xx, xy, yy, px^2.
     pub(super) covariance: [f64; 3],
@@ -88,6 +106,7 @@ impl Projector {
             translation: DVec3::from_array(rows.map(|r| r[3])),
             focal,
             centre,
+            shutter: view.shutter,
             limits_min: -(centre / focal + margin),
             limits_max: (size - centre) / focal + margin,
             time: f64::from(view.time),
@@ -95,16 +114,33 @@ impl Projector {
         }
     }
 
-    /// Seconds that the Gaussian has moved for at the view's moment.
-    pub(super) fn elapsed(&self, splat: &Splat) -> f64 {
-        self.time - f64::from(splat.time)
+    /// The Gaussian in the camera; at the moment at which it is exposed, where the shutter rolls and it is ahead.
+    fn sight(&self, splat: &Splat) -> Sight {
+        let elapsed = self.time - f64::from(splat.time);
+        let velocity = vector(splat.velocity);
+        let mean = vector(splat.mean) + velocity * elapsed;
+        let still =
+            Sight { mean: self.rotation * mean + self.translation, rotation: self.rotation, elapsed, bend: None };
+        match &self.shutter {
+            Some(shutter) if still.mean.z >= NEAR_PLANE => {
+                let lens = Lens { focal: self.focal, centre: self.centre };
+                let moves = self.rotation * velocity;
+                let taken = shutter.taken(&lens, still.mean, 1.0, moves);
+                let (turn, shift) = shutter.carried(taken.seconds);
+                Sight {
+                    mean: turn * (still.mean + shift + moves * taken.seconds),
+                    rotation: turn * self.rotation,
+                    elapsed: elapsed + taken.seconds,
+                    bend: Some(taken.bend),
+                }
+            }
+            _ => still,
+        }
     }
 
     /// The Gaussian in the camera; `None` behind the near plane or where a parameter is not finite.
     pub(super) fn project(&self, splat: &Splat) -> Option<Projected> {
-        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-        let mean = vector(splat.mean) + vector(splat.velocity) * self.elapsed(splat);
-        let t = self.rotation * mean + self.translation;
+        let Sight { mean: t, rotation, elapsed, bend } = self.sight(splat);
         if !t.is_finite() || t.z < NEAR_PLANE {
             return None;
         }
@@ -114,14 +150,18 @@ impl Projector {
         let (quat, quat_norm) = normalise(splat.quat.map(f64::from));
         let axes = rotation_of(quat);
         let (fx, fy) = (self.focal.x / t.z, self.focal.y / t.z);
-        let w = self.rotation.transpose();
-        let image_from_world = [fx * w.x_axis - fx * kept.x * w.z_axis, fy * w.y_axis - fy * kept.y * w.z_axis];
+        let w = rotation.transpose();
+        let rows = [fx * w.x_axis - fx * kept.x * w.z_axis, fy * w.y_axis - fy * kept.y * w.z_axis];
+        let image_from_world = bend.map_or(rows, |bend| bent(bend, rows));
         let scale = vector(splat.scale);
         let m = image_from_world.map(|row| (axes.transpose() * row) * scale);
         let (xx, yy) = (m[0].length_squared() + BLUR_PX2, m[1].length_squared() + BLUR_PX2);
         // |m0|^2 |m1|^2 - (m0 m1)^2 by Lagrange's identity: no cancellation for thin Gaussians.
         let determinant = m[0].cross(m[1]).length_squared() + BLUR_PX2 * (xx + yy - BLUR_PX2);
         Some(Projected {
+            rotation,
+            elapsed,
+            bend,
             camera_mean: t,
             jacobian_mean: j,
             clamped: [kept.x != slope.x, kept.y != slope.y],
@@ -140,20 +180,20 @@ impl Projector {
     /// # Formula
     /// `cov_xx <= |row of J W|^2 s_max^2 + 0.3`.
     fn is_surely_outside(&self, splat: &Splat) -> bool {
-        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-        let t = self.rotation * (vector(splat.mean) + vector(splat.velocity) * self.elapsed(splat)) + self.translation;
+        let Sight { mean: t, rotation, bend, .. } = self.sight(splat);
         if t.z < NEAR_PLANE {
             return true;
         }
         let slope = DVec2::new(t.x, t.y) / t.z;
         let kept = slope.clamp(self.limits_min, self.limits_max);
         let largest = splat.scale.iter().fold(0.0_f64, |max, &s| max.max(f64::from(s).abs()));
-        let w = self.rotation.transpose();
+        let w = rotation.transpose();
         let rows = [w.x_axis - kept.x * w.z_axis, w.y_axis - kept.y * w.z_axis];
+        let rows = [0, 1].map(|k| self.focal[k] / t.z * rows[k]);
+        let rows = bend.map_or(rows, |bend| bent(bend, rows));
         let (centre, reach) = (self.focal * slope + self.centre, largest_reach(splat.opacity));
         (0..2).any(|axis| {
-            let share = self.focal[axis] / t.z * largest;
-            let extent = reach * (share * share * rows[axis].length_squared() + BLUR_PX2).sqrt();
+            let extent = reach * (largest * largest * rows[axis].length_squared() + BLUR_PX2).sqrt();
             centre[axis] + extent < 0.5 || centre[axis] - extent > self.size[axis] as f64 - 0.5
         })
     }
@@ -223,6 +263,15 @@ impl Footprint {
     }
 }
 
+fn vector(v: [f32; 3]) -> DVec3 {
+    DVec3::from_array(v.map(f64::from))
+}
+
+/// The rows of a map to the image, its places drawn apart.
+fn bent(bend: DMat2, rows: [DVec3; 2]) -> [DVec3; 2] {
+    [0, 1].map(|k| bend.x_axis[k] * rows[0] + bend.y_axis[k] * rows[1])
+}
+
 /// At least as many standard deviations as those at which alpha falls to its minimum, with room for rounding.
 fn largest_reach(opacity: f32) -> f64 {
     const OF_OPAQUE: f64 = 3.33;
@@ -260,6 +309,7 @@ mod tests {
             cy: 30.0,
             camera_from_clip: [[0.8, 0.0, 0.6, 0.2], [0.0, 1.0, 0.0, 0.1], [-0.6, 0.0, 0.8, 0.3]],
             time: 0.2,
+            shutter: None,
         };
         let projector = Projector::new(&view);
         let at = |i: u32, salt: f32| ((i as f32 * 12.9898 + salt).sin() * 43_758.547).fract();

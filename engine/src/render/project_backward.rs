@@ -53,14 +53,18 @@ fn gradient_of(projector: &Projector, splat: &Splat, sums: &[f64; MOMENTS]) -> S
     let axes = [p.axes.x_axis, p.axes.y_axis, p.axes.z_axis];
     let v_scale: [f64; 3] = std::array::from_fn(|k| v_scaled_axes[k].dot(axes[k]));
     let v_rotation: [DVec3; 3] = std::array::from_fn(|k| v_scaled_axes[k] * scale[k]);
-    let v_mean = projector.rotation.transpose() * camera_mean_gradient(projector, &p, &image, &v_jw, sums[9]);
+    // The bend is a constant: gradients pass through its transpose.
+    let unbent = |v: DVec2| p.bend.map_or(v, |bend| bend.transpose() * v);
+    let image = ImagePlane { v_centre: unbent(image.v_centre), ..image };
+    let v_jw = p.bend.map_or(v_jw, |bend| [bend.x_axis, bend.y_axis].map(|a| a.x * v_jw[0] + a.y * v_jw[1]));
+    let v_mean = p.rotation.transpose() * camera_mean_gradient(projector, &p, &image, &v_jw, sums[9]);
     SplatGradient {
         mean: single(v_mean),
         quat: quat_gradient(&p, &v_rotation).map(|x| x as f32),
         scale: v_scale.map(|x| x as f32),
         opacity: (sums[0] / f64::from(splat.opacity)) as f32,
         colour: [sums[6] as f32, sums[7] as f32, sums[8] as f32],
-        velocity: single(v_mean * projector.elapsed(splat)),
+        velocity: single(v_mean * p.elapsed),
     }
 }
 
@@ -97,7 +101,7 @@ fn camera_mean_gradient(
 ) -> DVec3 {
     let (t, j) = (p.camera_mean, p.jacobian_mean);
     let z = t.z;
-    let w = projector.rotation.transpose();
+    let w = p.rotation.transpose();
     let mut v_t = DVec3::new(0.0, 0.0, v_depth);
     for axis in 0..2 {
         let focal = projector.focal[axis];

@@ -60,7 +60,7 @@ impl ClipFrame {
         moved.map(|p| p.to_array().map(to_f32)).collect()
     }
 
-    /// The pinhole view of a rectified camera: the poses meet in f64, then everything becomes f32.
+    /// The pinhole view of a rectified camera, all of whose pixels are exposed at once: the poses meet in f64, then everything becomes f32.
     pub fn pinhole(&self, camera: &Camera) -> PinholeView {
         let rows = (self.clip_from_world * camera.world_from_camera).inverse().rows();
         PinholeView {
@@ -72,6 +72,7 @@ impl ClipFrame {
             cy: to_f32(camera.intrinsics.cy),
             camera_from_clip: std::array::from_fn(|r| rows[r].map(to_f32)),
             time: self.time(camera.timestamp),
+            shutter: None,
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Views from a clip directory.
 
-use lgs_formats::{clip_dir::ClipDir, sweep::Sweep};
+use lgs_formats::{camera_motion::CameraMotion, clip_dir::ClipDir, sweep::Sweep};
 use rayon::prelude::*;
 
-use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, selection::SelectedImage, strays};
+use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, Shutter, View, selection::SelectedImage, strays};
 use crate::error::{EngineError, Result};
 
 /// The selected views of one role: frame by frame, cameras in the clip's order; `progress` is called once per view. No
@@ -29,7 +29,12 @@ pub fn load_views(
 
 fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame: &ClipFrame) -> Result<View> {
     let loaded = dir.load_image(image.frame, image.camera, selection.image_size)?;
-    let pinhole = frame.pinhole(&loaded.camera);
+    let shutter = loaded.moments.map(|moments| {
+        let motion = CameraMotion::of(dir.clip(), image.frame, image.camera);
+        let size = [loaded.rgb.width, loaded.rgb.height];
+        Shutter::new(moments, size, &motion, &loaded.camera.world_from_camera)
+    });
+    let pinhole = PinholeView { shutter, ..frame.pinhole(&loaded.camera) };
     let depth_map = match image.role {
         Role::Input => dir.load_depth(image.frame, image.camera, selection.image_size)?,
         Role::HeldOut => None,

@@ -10,6 +10,7 @@ mod response;
 pub(crate) mod samples;
 mod selection;
 mod shrink;
+pub(crate) mod shutter;
 mod stray;
 
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
@@ -22,6 +23,7 @@ pub use response::Response;
 pub(crate) use response::off_axis;
 pub use selection::{SelectedFrames, Selection};
 pub use shrink::at_factor;
+pub use shutter::Shutter;
 pub(crate) use stray::{Stray, strays};
 
 /// A `LiDAR` return that projects into a view.
@@ -51,7 +53,7 @@ pub struct View {
     pub camera: String,
     /// Input or held out.
     pub role: Role,
-    /// Camera at its own timestamp.
+    /// Camera at its own timestamp, its shutter included.
     pub pinhole: PinholeView,
     /// The image: as the camera took it, or, of an input view with a response, of common colours.
     pub image: RgbImage,

@@ -69,6 +69,7 @@ pub fn path_views(keys: &[PathKey], lens: &PinholeView, frame: &ClipFrame, froze
         PinholeView {
             camera_from_clip: std::array::from_fn(|r| rows[r].map(super::to_f32)),
             time: frozen.unwrap_or_else(|| frame.time(key.timestamp)),
+            shutter: None,
             ..*lens
         }
     };

@@ -1,5 +1,7 @@
 //! A pinhole camera at one moment: clip frame to pixels and back.
 
+use super::shutter::Shutter;
+
 /// A pinhole camera at one moment, in f32 and the clip frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PinholeView {
@@ -19,6 +21,8 @@ pub struct PinholeView {
     pub camera_from_clip: [[f32; 4]; 3],
     /// Moment to render, seconds since the clip's time zero.
     pub time: f32,
+    /// How pixels are exposed at moments around that one; `None` where all are at once.
+    pub shutter: Option<Shutter>,
 }
 
 /// Points at this depth or nearer are behind the camera, metres (the renderer's near plane).
@@ -47,13 +51,25 @@ impl PinholeView {
         (2.0 * self.fx.log2()).round() as i32
     }
 
-    /// A point of the clip frame in the camera's axes, metres.
+    /// A point of the clip frame in the camera's axes at the view's time, metres.
     pub fn to_camera(&self, point: [f32; 3]) -> [f32; 3] {
         self.camera_from_clip.map(|row| row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3])
     }
 
-    /// Where a point of the clip frame is in the image; `None` when it is outside, or not in front of the camera.
+    /// Where a standing point of the clip frame is in the image; `None` when it is outside, or not in front of the camera.
     pub fn project(&self, point: [f32; 3]) -> Option<Projected> {
+        self.project_moving(point, [0.0; 3])
+    }
+
+    /// As [`PinholeView::project`], of a point that is there at the view's time and moves with a velocity, metres a second.
+    pub fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
+        let Some(shutter) = &self.shutter else { return self.project_now(point) };
+        let taking = self.taking(shutter, point, velocity);
+        let seconds = taking.time - self.time;
+        taking.project_now([0, 1, 2].map(|k| point[k] + velocity[k] * seconds))
+    }
+
+    fn project_now(&self, point: [f32; 3]) -> Option<Projected> {
         let [x, y, depth] = self.to_camera(point);
         if depth.is_nan() || depth <= NEAR {
             return None;
@@ -63,15 +79,15 @@ impl PinholeView {
         inside.then_some(Projected { u, v, depth })
     }
 
-    /// The point of the clip frame at `depth` behind image position (`u`, `v`), metres.
+    /// The point of the clip frame at `depth` behind image position (`u`, `v`), metres, at the moment at which that is exposed.
     pub fn unproject(&self, at: Projected) -> [f32; 3] {
         let ray = [(at.u - self.cx) / self.fx, (at.v - self.cy) / self.fy, 1.0];
-        let m = &self.camera_from_clip;
+        let m = &self.exposing([at.u, at.v]).camera_from_clip;
         let in_camera: [f32; 3] = std::array::from_fn(|r| ray[r] * at.depth - m[r][3]);
         std::array::from_fn(|c| (0..3).map(|r| m[r][c] * in_camera[r]).sum())
     }
 
-    /// Where the camera stands in the clip frame, metres.
+    /// Where the camera stands in the clip frame at the view's time, metres.
     pub fn centre(&self) -> [f32; 3] {
         let m = &self.camera_from_clip;
         std::array::from_fn(|c| -(0..3).map(|r| m[r][c] * m[r][3]).sum::<f32>())

@@ -15,6 +15,7 @@ pub(crate) fn ahead(width: usize, height: usize, focal: f32) -> PinholeView {
         cy: 0.5 * height as f32,
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
+        shutter: None,
     }
 }
 

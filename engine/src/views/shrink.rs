@@ -27,6 +27,7 @@ impl PinholeView {
             fy: self.fy * share,
             cx: self.cx * share,
             cy: self.cy * share,
+            shutter: self.shutter.map(|shutter| shutter.reduced(factor as f32)),
             ..*self
         }
     }

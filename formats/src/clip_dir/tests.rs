@@ -42,7 +42,8 @@ fn camera(frame: usize, name: &str) -> CameraRecord {
             width: WIDTH,
             height: HEIGHT,
             intrinsics,
-            distortion: (name == "left").then_some(Distortion([-0.1, 0.01, 1e-3, -1e-3, 0.0])),
+            distortion: (name == "left").then_some(Distortion::BrownConrady([-0.1, 0.01, 1e-3, -1e-3, 0.0])),
+            readout: None,
             world_from_camera: pose(0.3, 1.0),
         },
     }
@@ -339,7 +340,7 @@ proptest! {
         record.camera.timestamp = timestamp + offset;
         record.camera.intrinsics.fx = fx;
         record.camera.intrinsics.cx = cx;
-        record.camera.distortion = Some(Distortion(distortion));
+        record.camera.distortion = Some(Distortion::BrownConrady(distortion));
         let mut first = frame(0);
         first.lidar = LidarRecord { timestamp, world_from_lidar: pose(angle, x), ..first.lidar };
         first.cameras = vec![record];

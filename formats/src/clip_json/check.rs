@@ -5,16 +5,10 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use super::{
-    BoxJson, CameraJson, ClipJson, CompensationJson, DepthJson, FrameJson, LidarJson, Rows, SensorsJson, ToJson,
-    format_error,
-};
+use super::{BoxJson, ClipJson, CompensationJson, FrameJson, LidarJson, Rows, SensorsJson, ToJson, format_error};
 use crate::{
-    camera::{Camera, Distortion, Intrinsics},
-    clip::{
-        CLIP_FORMAT, CameraRecord, Clip, Compensation, DepthRecord, Frame, LidarRecord, ReturnsRecord, SensorsRecord,
-        TrackedBox,
-    },
+    camera::Intrinsics,
+    clip::{CLIP_FORMAT, Clip, Compensation, Frame, LidarRecord, ReturnsRecord, SensorsRecord, TrackedBox},
     error::{FormatError, Result},
     image::MAX_IMAGE_SIDE,
     pose::Pose,
@@ -23,8 +17,6 @@ use crate::{
 
 /// Largest absolute timestamp, seconds: an epoch in milliseconds or finer is in the wrong unit.
 const MAX_TIMESTAMP: f64 = 1e11;
-/// Largest time between a camera and the sweep of its frame, seconds: more means two clocks.
-const MAX_CLOCK_DIFFERENCE: f64 = 3600.0;
 /// Largest translation along one axis, metres: beyond every map projection.
 const MAX_TRANSLATION: f64 = 1e9;
 /// Focal lengths that survive f32 arithmetic, pixels.
@@ -65,7 +57,12 @@ impl<'a> Checker<'a> {
         Ok(Clip { name: json.name, source: json.source, licence: json.licence, frames })
     }
 
-    fn error<T>(&self, field: impl Into<String>, expected: impl Into<String>, found: impl Into<String>) -> Result<T> {
+    pub(super) fn error<T>(
+        &self,
+        field: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Result<T> {
         Err(FormatError::invalid(self.file, field, expected, found))
     }
 
@@ -135,37 +132,6 @@ impl<'a> Checker<'a> {
         Ok(SensorsRecord { file: self.path(&format!("{at}.file"), json.file)?, lidar_from_sensor })
     }
 
-    fn camera(&self, at: &str, json: CameraJson, lidar_timestamp: f64) -> Result<CameraRecord> {
-        self.camera_name(&format!("{at}.name"), &json.name)?;
-        self.pinhole(at, [json.width, json.height], json.intrinsics)?;
-        let file = self.path(&format!("{at}.file"), json.file)?;
-        let mask = json.mask.map(|mask| self.path(&format!("{at}.mask"), mask)).transpose()?;
-        let depth = json.depth.map(|depth| self.depth(at, depth)).transpose()?;
-        let timestamp = self.timestamp(&format!("{at}.timestamp"), json.timestamp)?;
-        if (timestamp - lidar_timestamp).abs() > MAX_CLOCK_DIFFERENCE {
-            let expected = format!("at most {MAX_CLOCK_DIFFERENCE} s from its frame's LiDAR ({lidar_timestamp})");
-            return self.error(format!("{at}.timestamp"), expected, timestamp.to_string());
-        }
-        for (i, &coefficient) in json.distortion.iter().flatten().enumerate() {
-            self.within(&format!("{at}.distortion[{i}]"), "a finite coefficient", coefficient, f64::MAX)?;
-        }
-        let world_from_camera = self.pose(&format!("{at}.world_from_camera"), &json.world_from_camera)?;
-        let camera = Camera {
-            name: json.name,
-            timestamp,
-            width: json.width,
-            height: json.height,
-            intrinsics: json.intrinsics,
-            distortion: json.distortion.map(Distortion),
-            world_from_camera,
-        };
-        Ok(CameraRecord { file, mask, depth, camera })
-    }
-
-    fn depth(&self, at: &str, json: DepthJson) -> Result<DepthRecord> {
-        Ok(DepthRecord { file: self.path(&format!("{at}.depth.file"), json.file)?, kind: json.kind })
-    }
-
     /// Nothing, when a width and a height and intrinsics are those of a camera that can be drawn.
     ///
     /// # Errors
@@ -212,7 +178,7 @@ impl<'a> Checker<'a> {
         Ok(checked)
     }
 
-    fn within(&self, field: &str, expected: &str, value: f64, limit: f64) -> Result<f64> {
+    pub(super) fn within(&self, field: &str, expected: &str, value: f64, limit: f64) -> Result<f64> {
         if value.abs() <= limit { Ok(value) } else { self.error(field, expected, value.to_string()) }
     }
 
@@ -237,7 +203,7 @@ impl<'a> Checker<'a> {
         Ok(pose)
     }
 
-    fn path(&self, field: &str, path: PathBuf) -> Result<PathBuf> {
+    pub(super) fn path(&self, field: &str, path: PathBuf) -> Result<PathBuf> {
         let inside = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
         let printable = path.to_str().is_some_and(|text| !text.chars().any(char::is_control));
         if printable && path.components().all(inside) && path.file_name().is_some() {
@@ -246,7 +212,7 @@ impl<'a> Checker<'a> {
         self.error(field, "a relative path within the clip directory, without `..`", format!("`{}`", path.display()))
     }
 
-    fn camera_name(&self, field: &str, name: &str) -> Result<()> {
+    pub(super) fn camera_name(&self, field: &str, name: &str) -> Result<()> {
         let length = 1..=MAX_CAMERA_NAME;
         let harmless = |c: char| !c.is_control() && !"/\\,".contains(c);
         if length.contains(&name.len()) && !name.starts_with('.') && name.chars().all(harmless) {

@@ -1,13 +1,15 @@
 //! The text of `clip.json`: the mirror that serde reads and writes, and its way to and from [`Clip`].
 
+mod camera;
 pub(crate) mod check;
 
 use std::path::{Path, PathBuf};
 
+use glam::DMat3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    camera::Intrinsics,
+    camera::{Camera, Distortion, Intrinsics, Readout},
     clip::{CLIP_FORMAT, CameraRecord, Clip, Compensation, DepthKind, Frame, SensorsRecord, TrackedBox},
     error::{FormatError, Result},
     pose::Pose,
@@ -81,10 +83,27 @@ struct CameraJson {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     distortion: Option<[f64; 5]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    fisheye: Option<[f64; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pinhole: Option<PinholeJson>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    readout: Option<Readout>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     depth: Option<DepthJson>,
     world_from_camera: Rows,
+}
+
+/// The pinhole that is cut out of a fisheye's image.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PinholeJson {
+    width: u32,
+    height: u32,
+    intrinsics: Intrinsics,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fisheye_from_pinhole: Option<[[f64; 3]; 3]>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -188,19 +207,56 @@ fn compensation(found: Compensation) -> Option<CompensationJson> {
     }
 }
 
+/// The mirror of a camera, without files.
+fn of_camera(camera: &Camera) -> CameraJson {
+    let json = CameraJson {
+        name: camera.name.clone(),
+        file: PathBuf::new(),
+        timestamp: camera.timestamp,
+        width: camera.width,
+        height: camera.height,
+        intrinsics: camera.intrinsics,
+        distortion: None,
+        fisheye: None,
+        pinhole: None,
+        readout: camera.readout,
+        mask: None,
+        depth: None,
+        world_from_camera: camera.world_from_camera.rows(),
+    };
+    match camera.distortion {
+        None => json,
+        Some(Distortion::BrownConrady(coefficients)) => CameraJson { distortion: Some(coefficients), ..json },
+        Some(Distortion::Fisheye(lens)) => {
+            let own = (json.width, json.height, json.intrinsics) == (lens.width, lens.height, lens.intrinsics);
+            let turned = (lens.fisheye_from_pinhole != DMat3::IDENTITY)
+                .then(|| lens.fisheye_from_pinhole.transpose().to_cols_array_2d());
+            let pinhole = PinholeJson {
+                width: json.width,
+                height: json.height,
+                intrinsics: json.intrinsics,
+                fisheye_from_pinhole: turned,
+            };
+            CameraJson {
+                width: lens.width,
+                height: lens.height,
+                intrinsics: lens.intrinsics,
+                fisheye: Some(lens.coefficients),
+                pinhole: (!own || turned.is_some()).then_some(pinhole),
+                world_from_camera: lens.world_from_fisheye.rows(),
+                ..json
+            }
+        }
+    }
+}
+
 /// The mirror of a clip.
 fn mirror(clip: &Clip) -> ClipJson {
     let camera = |record: &CameraRecord| CameraJson {
-        name: record.camera.name.clone(),
-        file: record.file.clone(),
-        timestamp: record.camera.timestamp,
-        width: record.camera.width,
-        height: record.camera.height,
-        intrinsics: record.camera.intrinsics,
-        distortion: record.camera.distortion.map(|d| d.0),
         mask: record.mask.clone(),
         depth: record.depth.as_ref().map(|depth| DepthJson { file: depth.file.clone(), kind: depth.kind }),
-        world_from_camera: record.camera.world_from_camera.rows(),
+        file: record.file.clone(),
+        ..of_camera(&record.camera)
     };
     let tracked_box = |b: &TrackedBox| BoxJson {
         track: b.track.clone(),

@@ -68,7 +68,8 @@ fn decode(path: &Path, camera: &Camera) -> Result<(DynamicImage, ImageFormat)> {
     let bytes = read_file(path, MAX_DATA_BYTES)?;
     let (mut reader, format) = reader(path, Cursor::new(&bytes))?;
     let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(u64::from(camera.width) * u64::from(camera.height) * MAX_PIXEL_BYTES + DECODER_BYTES);
+    limits.max_alloc =
+        Some(camera.file_size().map(u64::from).iter().product::<u64>() * MAX_PIXEL_BYTES + DECODER_BYTES);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|e| damaged(path, &e))?;
     compare_size(path, decoder.dimensions(), camera)?;
@@ -92,10 +93,11 @@ fn reader<R: BufRead + Seek>(path: &Path, bytes: R) -> Result<(ImageReader<R>, I
 }
 
 fn compare_size(path: &Path, (width, height): (u32, u32), camera: &Camera) -> Result<()> {
-    if (width, height) == (camera.width, camera.height) {
+    let [declared_width, declared_height] = camera.file_size();
+    if (width, height) == (declared_width, declared_height) {
         return Ok(());
     }
-    let expected = format!("width {} and height {} as declared", camera.width, camera.height);
+    let expected = format!("width {declared_width} and height {declared_height} as declared");
     Err(FormatError::invalid(path, "image size", expected, format!("width {width} and height {height}")))
 }
 
@@ -115,7 +117,8 @@ mod tests {
     fn camera(width: u32, height: u32) -> Camera {
         let intrinsics = Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let name = "c".to_owned();
-        Camera { name, timestamp: 0.0, width, height, intrinsics, distortion: None, world_from_camera: Pose::IDENTITY }
+        let world_from_camera = Pose::IDENTITY;
+        Camera { name, timestamp: 0.0, width, height, intrinsics, distortion: None, readout: None, world_from_camera }
     }
 
     fn png(bytes: &[u8], colour: ExtendedColorType) -> Vec<u8> {

@@ -60,7 +60,7 @@ fn check_array(path: &Path, npy: &Npy<'_>, camera: &Camera) -> Result<()> {
         let expected = "an array of floating-point numbers (`<f4`, `<f8` or `<f2`)";
         return Err(FormatError::invalid(path, FIELD, expected, format!("{:?}", npy.element)));
     }
-    let [height, width] = [camera.height, camera.width].map(to_usize);
+    let [width, height] = camera.file_size().map(to_usize);
     if npy.shape == [height, width] {
         return Ok(());
     }
@@ -79,6 +79,7 @@ pub fn load_depth(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -
     let Some(depth) = &record.depth else { return Ok(None) };
     let (path, camera) = (root.join(&depth.file), &record.camera);
     let values = read(&path, camera, depth.kind)?;
+    let [file_width, file_height] = camera.file_size().map(to_usize);
     let [height, width] = [camera.height, camera.width].map(to_usize);
     let size = size.unwrap_or(ImageSize { height, width });
     sides(&path, size)?;
@@ -92,10 +93,17 @@ pub fn load_depth(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -
         for column in 0..size.width {
             let u = (column as f64 + 0.5) * width as f64 / size.width as f64;
             let at = lens.as_ref().map_or(Some([u, v]), |lens| lens.source_of(u, v));
-            inverse.push(at.and_then(|at| pixel_of(at, width, height)).map_or(f32::NAN, |pixel| values[pixel]));
+            let value = at.and_then(|at| pixel_of(at, file_width, file_height)).map_or(f32::NAN, |pixel| values[pixel]);
+            inverse.push(lens.as_ref().map_or(value, |lens| along(lens.inverse_depth_share(u, v), value)));
         }
     }
     Ok(Some(DepthMap { kind: depth.kind, inverse }))
+}
+
+/// An inverse depth along another axis; NaN behind it.
+#[expect(clippy::cast_possible_truncation, reason = "the quotient of two depths, kept as f32 like these")]
+fn along(share: f64, inverse: f32) -> f32 {
+    if share > 0.0 { inverse * share as f32 } else { f32::NAN }
 }
 
 /// Row-major index of the pixel that a position falls into; `None` outside the image.
@@ -131,7 +139,7 @@ fn read(path: &Path, camera: &Camera, kind: DepthKind) -> Result<Vec<f32>> {
         DepthKind::Metric if value >= MIN_DEPTH => Ok(1.0 / value),
         DepthKind::Relative if !value.is_infinite() => Ok(value),
         _ => {
-            let (row, column) = (pixel / to_usize(camera.width), pixel % to_usize(camera.width));
+            let (row, column) = (pixel / to_usize(camera.file_size()[0]), pixel % to_usize(camera.file_size()[0]));
             let expected = match kind {
                 DepthKind::Metric => "metres from 0.001 to infinity, 0 or NaN for unknown ones",
                 DepthKind::Relative => "finite values, NaN for unknown ones",

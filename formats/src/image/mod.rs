@@ -72,6 +72,9 @@ pub struct LoadedImage {
     pub labels: Option<Vec<PixelLabel>>,
     /// The camera of `rgb`: rectified, at the size of `rgb`.
     pub camera: Camera,
+    /// When its pixels were exposed: `[a, b, c]`, seconds after the camera's timestamp `a + b u + c v`, where `u` and `v` are shares of the width and
+    /// the height; `None` where that is at once.
+    pub moments: Option<[f64; 3]>,
 }
 
 /// Size of an image, written `HxW`; each side is 1 to [`MAX_IMAGE_SIDE`].
@@ -165,20 +168,22 @@ pub fn mask_values(root: &Path, record: &CameraRecord) -> Result<Option<[usize; 
 pub fn load(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -> Result<LoadedImage> {
     let path = root.join(&record.file);
     let declared = &record.camera;
+    let [file_width, file_height] = declared.file_size().map(to_usize);
     let source = resample::Source {
-        width: to_usize(declared.width),
-        height: to_usize(declared.height),
+        width: file_width,
+        height: file_height,
+        rectified: [to_usize(declared.width), to_usize(declared.height)],
         rgb: &decode::rgb8(&path, declared)?,
         mask: record.mask.as_ref().map(|mask| decode::grey8(&root.join(mask), declared)).transpose()?,
         lens: lens::Lens::new(declared),
     };
-    let size = size.unwrap_or(ImageSize { height: source.height, width: source.width });
+    let size = size.unwrap_or(ImageSize { height: to_usize(declared.height), width: to_usize(declared.width) });
     let [height, width] = sides(&path, size)?;
     let (rgb, labels) = source.resized(size);
     let (sx, sy) = (f64::from(width) / f64::from(declared.width), f64::from(height) / f64::from(declared.height));
     let intrinsics = declared.intrinsics.scaled(sx, sy);
     let camera = Camera { width, height, intrinsics, distortion: None, ..declared.clone() };
-    Ok(LoadedImage { rgb, labels, camera })
+    Ok(LoadedImage { rgb, labels, camera, moments: lens::moments(declared) })
 }
 
 /// Height and width of a size that images may be brought to.

@@ -14,6 +14,8 @@ const MIN_TAP: f32 = 1e-3;
 pub(super) struct Source<'a> {
     pub(super) width: usize,
     pub(super) height: usize,
+    /// Width and height of the rectified image before it is resized, pixels.
+    pub(super) rectified: [usize; 2],
     /// `[H, W, 3]` bytes.
     pub(super) rgb: &'a [u8],
     /// `[H, W]` grey values of the mask.
@@ -108,10 +110,11 @@ impl Source<'_> {
         Some(sum)
     }
 
-    /// `[h, w, C]` values at another size; `fill` writes one row of the source, `[W, C]`.
+    /// `[h, w, C]` values at another size; `fill` writes one row of the rectified image, `[W, C]`.
     fn resample<const C: usize>(&self, size: ImageSize, fill: impl Fn(usize, &mut [f32])) -> Vec<f32> {
-        let (rows, columns) = (Axis::new(self.height, size.height), Axis::new(self.width, size.width));
-        let stride = self.width * C;
+        let [width, height] = self.rectified;
+        let (rows, columns) = (Axis::new(height, size.height), Axis::new(width, size.width));
+        let stride = width * C;
         let mut cache = [vec![0.0_f32; stride], vec![0.0_f32; stride]];
         let mut cached = [usize::MAX; 2];
         let mut mixed = vec![0.0_f32; stride];

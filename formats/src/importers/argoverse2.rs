@@ -171,6 +171,7 @@ impl Sensor {
             height,
             intrinsics: self.intrinsics,
             distortion: None,
+            readout: None,
             world_from_camera: trajectory.at(timestamp)? * self.vehicle_from_camera,
         };
         Ok(CameraRecord {

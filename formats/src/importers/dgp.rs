@@ -181,7 +181,8 @@ impl<'a> Reader<'a> {
             width: image.width,
             height: image.height,
             intrinsics: Intrinsics { fx: lens.fx, fy: lens.fy, cx: lens.cx + 0.5, cy: lens.cy + 0.5 },
-            distortion: distortion.iter().any(|&k| k != 0.0).then_some(Distortion(distortion)),
+            distortion: distortion.iter().any(|&k| k != 0.0).then_some(Distortion::BrownConrady(distortion)),
+            readout: None,
             world_from_camera: self.pose(&at, &image.pose)?,
         };
         Ok(CameraRecord {

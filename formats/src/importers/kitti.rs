@@ -197,6 +197,7 @@ impl Sensor {
             height,
             intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
             distortion: None,
+            readout: None,
             world_from_camera: motion.world_from_camera_0(number, timestamp)? * self.rectified.camera_0_from_this,
         };
         let file = PathBuf::from(format!("{}/data/{}", self.name, self.files[index].name));

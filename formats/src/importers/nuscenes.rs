@@ -196,6 +196,7 @@ impl<'a> Reader<'a> {
             height: data.height,
             intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
             distortion: None,
+            readout: None,
             world_from_camera: world_from_sensor,
         };
         Ok(CameraRecord { file, mask: None, depth: None, camera })

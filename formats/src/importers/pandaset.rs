@@ -192,6 +192,7 @@ impl Images {
             height,
             intrinsics: Intrinsics { fx, fy, cx: cx + 0.5, cy: cy + 0.5 },
             distortion: None,
+            readout: None,
             world_from_camera: self.sensor.pose(index)?,
         };
         let file = PathBuf::from(format!("camera/{}/{}", self.name, self.sensor.files[index].name));

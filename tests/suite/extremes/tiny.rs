@@ -60,6 +60,7 @@ pub(super) fn write(root: &Path, frames: &[MadeFrame]) -> Outcome {
             height,
             intrinsics: Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 8.0 },
             distortion: None,
+            readout: None,
             world_from_camera,
         };
         records.push(Frame {
@@ -121,6 +122,7 @@ pub(super) const AHEAD: PinholeView = PinholeView {
     cy: 8.5,
     camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
     time: 0.0,
+    shutter: None,
 };
 
 /// Raw attributes of a grey, half transparent sphere of 0.25 m, four metres ahead.

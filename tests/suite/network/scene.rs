@@ -42,6 +42,7 @@ pub(super) fn view(random: &mut Random) -> View {
         cy: 14.0,
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.05,
+        shutter: None,
     };
     let data = (0..width * height * 3).map(|_| random.uniform_single(0.0, 1.0)).collect();
     let depth_samples =

@@ -186,5 +186,6 @@ fn ahead() -> PinholeView {
         cy: 12.0,
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.5,
+        shutter: None,
     }
 }

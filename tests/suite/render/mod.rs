@@ -5,6 +5,7 @@ mod differences;
 mod fast;
 mod motion;
 mod renderer;
+mod rolling;
 mod simple;
 
 use libtest_mimic::Trial;
@@ -18,6 +19,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         cases.extend(simple::cases(renderer));
     }
     cases.extend(fast::cases());
+    cases.extend(rolling::cases());
     cases.extend(chain_rule::cases());
     cases
 }

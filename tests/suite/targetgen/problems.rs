@@ -60,6 +60,7 @@ pub(crate) fn camera(x: f32) -> PinholeView {
         cy: 20.0,
         camera_from_clip: [[1.0, 0.0, 0.0, -x], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
+        shutter: None,
     }
 }
 

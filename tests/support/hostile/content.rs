@@ -108,7 +108,8 @@ pub(super) fn read_depth(folder: &Path) -> Said {
         width: MAP[0],
         height: MAP[1],
         intrinsics: Intrinsics { fx: 9.0, fy: 9.0, cx: 6.0, cy: 4.0 },
-        distortion: Some(Distortion([0.1, -0.02, 1e-3, 1e-3, 0.0])),
+        distortion: Some(Distortion::BrownConrady([0.1, -0.02, 1e-3, 1e-3, 0.0])),
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     };
     let mut wrong = Ok(());

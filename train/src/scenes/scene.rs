@@ -73,6 +73,7 @@ impl Scene {
             height: size(spec.height),
             intrinsics: spec.intrinsics(),
             distortion: None,
+            readout: None,
             world_from_camera: self.clip_from_world * self.camera_pose(frame, camera),
         }
     }

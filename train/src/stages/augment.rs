@@ -39,6 +39,7 @@ impl Window {
         (pinhole.width, pinhole.height) = (width, height);
         pinhole.cx -= left as f32;
         pinhole.cy -= top as f32;
+        pinhole.shutter = pinhole.shutter.map(|shutter| shutter.cropped([left as f32, top as f32]));
         let mut image = view.image.clone();
         (image.width, image.height) = (width, height);
         image.data =
@@ -123,6 +124,7 @@ pub(crate) fn mirror(set: &mut GaussianSet, views: &mut [View]) {
     for view in views {
         let width = view.pinhole.width;
         view.pinhole.cx = width as f32 - view.pinhole.cx;
+        view.pinhole.shutter = view.pinhole.shutter.map(|shutter| shutter.mirrored(width));
         // To the right in the mirror is what was to the left, in the clip frame along y and in the camera along x.
         for (k, row) in view.pinhole.camera_from_clip.iter_mut().enumerate() {
             row[1] *= -1.0;
@@ -172,6 +174,7 @@ mod tests {
             cy: 2.5,
             camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             time: 0.0,
+            shutter: None,
         };
         let data = (0..width * height).flat_map(|i| [i as f32 / 100.0; 3]).collect();
         let labels = (0..width * height).map(|i| if i % 3 == 0 { PixelLabel::Dynamic } else { PixelLabel::Static });

@@ -123,6 +123,7 @@ fn pinhole(frame: &ClipFrame, lens: PathLens, key: &PathKey) -> PinholeView {
         height: lens.height,
         intrinsics: lens.intrinsics,
         distortion: None,
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     })
 }

@@ -26,6 +26,7 @@ fn camera() -> Camera {
         height: 30,
         intrinsics: Intrinsics { fx: FOCAL, fy: FOCAL, cx: 20.0, cy: 15.0 },
         distortion: None,
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     }
 }

@@ -106,7 +106,9 @@ impl<'a> Camera<'a> {
 
     /// Where the shape is drawn; `None` behind the camera.
     fn ellipse(&self, shape: &Shape) -> Option<Ellipse> {
-        let view = self.view;
+        let place = shape.at(self.view.time);
+        let taking = self.view.shutter.map(|shutter| self.view.taking(&shutter, place, shape.velocity));
+        let view = taking.as_ref().unwrap_or(self.view);
         let [x, y, z] = view.to_camera(shape.at(view.time));
         if z.is_nan() || z <= crate::views::NEAR {
             return None;

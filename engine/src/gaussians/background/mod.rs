@@ -110,7 +110,11 @@ pub fn add_background(
             let nothing = Coverage::new(&inputs[k].pinhole);
             let rows = emit::rows(inputs[k], &sheets[k], (&nothing, Trust::OwnVehicle), &[], coarseness);
             let velocity = velocity(&inputs[k].pinhole, &inputs[other].pinhole);
-            append(set, (rows, inputs[k]), inputs[k].pinhole.time, velocity);
+            let times = rows.iter().map(|row| inputs[k].pinhole.exposed_at([0, 1, 2].map(|c| row[MEAN.start + c])));
+            let times: Vec<f32> = times.collect();
+            let first = set.len();
+            append(set, (rows, inputs[k]), 0.0, velocity);
+            set.times[first..].copy_from_slice(&times);
         }
     }
     for (view, sheet) in inputs.iter().zip(&sheets) {
@@ -135,13 +139,13 @@ fn add_moving(
         for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
             let Some(own) = moving::sheet(view, (&mut sheets[k], &standing), thing, things, &sources) else { continue };
             let rows = emit::rows(view, &own, (&coverages[k], Trust::Alone), &[], coarseness);
-            let seconds = view.pinhole.time - thing.time;
             let first = set.len();
             set.frames.resize(first + rows.len(), thing.flow.frame);
             for row in rows {
                 let mean = [0, 1, 2].map(|c| row[MEAN.start + c]);
-                set.velocities.push(thing.velocity_of(mean, seconds));
-                set.times.push(view.pinhole.time);
+                let time = view.pinhole.exposed_at(mean);
+                set.velocities.push(thing.velocity_of(mean, time - thing.time));
+                set.times.push(time);
                 set.attributes.push(row);
             }
             let mut shapes = Shape::of(&set.attributes[first..]);

@@ -26,10 +26,10 @@ pub(super) fn radius(cloud: &PointCloud) -> f32 {
 }
 
 fn sheet(view: &PinholeView, radius: f32) -> Sheet {
-    let centre = view.centre();
     let up = |pixel: usize| {
         let (u, v) = ((pixel % view.width) as f32 + 0.5, (pixel / view.width) as f32 + 0.5);
-        view.unproject(Projected { u, v, depth: 1.0 })[2] >= centre[2]
+        let camera = view.exposing([u, v]);
+        camera.unproject(Projected { u, v, depth: 1.0 })[2] >= camera.centre()[2]
     };
     let of_pixel = |pixel: usize| {
         if up(pixel) { (slant(view, pixel) / radius, Trust::Confirmed) } else { (f32::NAN, Trust::Unknown) }

@@ -61,6 +61,7 @@ impl<'a> Eyes<'a> {
 
 fn colour(view: &View, [x, y, z]: [f32; 3], time: f32, velocity: [f32; 2]) -> Option<[f32; 3]> {
     let seconds = view.pinhole.time - time;
-    let at = view.pinhole.project([x + velocity[0] * seconds, y + velocity[1] * seconds, z])?;
+    let place = [x + velocity[0] * seconds, y + velocity[1] * seconds, z];
+    let at = view.pinhole.project_moving(place, [velocity[0], velocity[1], 0.0])?;
     sample(view, at)
 }

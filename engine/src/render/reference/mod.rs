@@ -45,6 +45,18 @@ pub struct Gradient {
     pub velocity: [f64; 3],
 }
 
+impl Gradient {
+    fn add(&mut self, other: &Self) {
+        let sum = |a: &mut [f64], b: &[f64]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        sum(&mut self.mean, &other.mean);
+        sum(&mut self.quat, &other.quat);
+        sum(&mut self.scale, &other.scale);
+        self.opacity += other.opacity;
+        sum(&mut self.colour, &other.colour);
+        sum(&mut self.velocity, &other.velocity);
+    }
+}
+
 /// A pinhole camera at one moment. Axes: x right, y down, z forward; a pixel's centre is at +0.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -96,11 +108,22 @@ impl Images {
 /// # Source
 /// Zwicker et al., EWA Splatting (2002); Kerbl et al., 3D Gaussian Splatting (2023), section 4; thresholds as gsplat 1.5.3.
 pub fn render(gaussians: &[Gaussian], camera: &Camera, background: [f64; 3]) -> Images {
-    let projections = project_all(gaussians, camera);
-    let footprints = sorted_footprints(gaussians, &projections);
+    render_rolling(gaussians, camera, |_| *camera, background)
+}
+
+/// As [`render`], through a rolling shutter: `exposing` tells the camera at the moment at which a place of the image (pixels) is exposed.
+pub fn render_rolling(
+    gaussians: &[Gaussian],
+    camera: &Camera,
+    exposing: impl Fn([f64; 2]) -> Camera,
+    background: [f64; 3],
+) -> Images {
     let mut images = Images::zeros(camera.width * camera.height);
+    let mut scene = Scene::new(gaussians, *camera);
     for pixel in 0..camera.width * camera.height {
-        let stack = contributions(&footprints, pixel_centre(camera, pixel));
+        let centre = pixel_centre(camera, pixel);
+        scene.see(gaussians, exposing(centre));
+        let stack = contributions(&scene.footprints, centre);
         let value = composite_pixel(&stack, background);
         images.rgb[3 * pixel..][..3].copy_from_slice(&value.rgb);
         images.alpha[pixel] = value.alpha;
@@ -108,6 +131,41 @@ pub fn render(gaussians: &[Gaussian], camera: &Camera, background: [f64; 3]) -> 
         images.expected_depth[pixel] = value.expected_depth;
     }
     images
+}
+
+/// What a camera sees of the Gaussians.
+struct Scene {
+    camera: Camera,
+    projections: Vec<Option<Projection>>,
+    footprints: Vec<Footprint>,
+}
+
+impl Scene {
+    fn new(gaussians: &[Gaussian], camera: Camera) -> Self {
+        let projections = project_all(gaussians, &camera);
+        let footprints = sorted_footprints(gaussians, &projections);
+        Self { camera, projections, footprints }
+    }
+
+    /// Nothing: looks from another camera, if it is another one; the scene as it was before then.
+    fn see(&mut self, gaussians: &[Gaussian], camera: Camera) -> Option<Self> {
+        (self.camera != camera).then(|| std::mem::replace(self, Self::new(gaussians, camera)))
+    }
+
+    /// Nothing: adds to the gradients of all Gaussians what those of their footprints say.
+    fn add_gradients(
+        &self,
+        gaussians: &[Gaussian],
+        v: &mut [composite::FootprintGradient],
+        gradients: &mut [Gradient],
+    ) {
+        for (i, (projection, v)) in self.projections.iter().zip(v).enumerate() {
+            let v = std::mem::take(v);
+            if let Some(projection) = projection {
+                gradients[i].add(&chain(projection, &v, self.camera.time - gaussians[i].time));
+            }
+        }
+    }
 }
 
 /// `[H, W]` pixels in which a threshold nearly decides otherwise: an alpha within `margin`, relative, of its floor or cap, or
@@ -124,12 +182,26 @@ pub fn fragile_pixels(gaussians: &[Gaussian], camera: &Camera, margin: f64) -> V
 /// Exact where the function is smooth. The set of Gaussians of a pixel, their order and the caps are constants: an alpha at
 /// its cap and a clamped Jacobian entry pass nothing on.
 pub fn backward(gaussians: &[Gaussian], camera: &Camera, background: [f64; 3], v_images: &Images) -> Vec<Gradient> {
-    let projections = project_all(gaussians, camera);
-    let footprints = sorted_footprints(gaussians, &projections);
+    backward_rolling(gaussians, camera, |_| *camera, background, v_images)
+}
+
+/// As [`backward`], of [`render_rolling`].
+pub fn backward_rolling(
+    gaussians: &[Gaussian],
+    camera: &Camera,
+    exposing: impl Fn([f64; 2]) -> Camera,
+    background: [f64; 3],
+    v_images: &Images,
+) -> Vec<Gradient> {
     let mut gradients = vec![Gradient::default(); gaussians.len()];
     let mut v_footprints = vec![composite::FootprintGradient::default(); gaussians.len()];
+    let mut scene = Scene::new(gaussians, *camera);
     for pixel in 0..camera.width * camera.height {
-        let stack = contributions(&footprints, pixel_centre(camera, pixel));
+        let centre = pixel_centre(camera, pixel);
+        if let Some(before) = scene.see(gaussians, exposing(centre)) {
+            before.add_gradients(gaussians, &mut v_footprints, &mut gradients);
+        }
+        let stack = contributions(&scene.footprints, centre);
         let v_pixel = PixelGradient {
             rgb: std::array::from_fn(|k| v_images.rgb[3 * pixel + k]),
             alpha: v_images.alpha[pixel],
@@ -138,11 +210,7 @@ pub fn backward(gaussians: &[Gaussian], camera: &Camera, background: [f64; 3], v
         };
         pixel_backward(&stack, background, &v_pixel, &mut v_footprints);
     }
-    for (i, projection) in projections.iter().enumerate() {
-        if let Some(projection) = projection {
-            gradients[i] = chain(projection, &v_footprints[i], camera.time - gaussians[i].time);
-        }
-    }
+    scene.add_gradients(gaussians, &mut v_footprints, &mut gradients);
     gradients
 }
 

@@ -18,6 +18,7 @@ fn record(file: &str, kind: DepthKind) -> CameraRecord {
         height: 4,
         intrinsics: Intrinsics { fx: 5.0, fy: 5.0, cx: 3.0, cy: 2.0 },
         distortion: None,
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     };
     let depth = Some(DepthRecord { file: PathBuf::from(file), kind });
@@ -71,7 +72,7 @@ fn edges_stay_edges_at_every_size_and_through_a_lens() {
             assert_eq!(inverse, if left { 0.5 } else { 0.02 }, "pixel {i} of {width} x {height}");
         }
     }
-    record.camera.distortion = Some(Distortion([1.0, 0.0, 0.0, 0.0, 0.0]));
+    record.camera.distortion = Some(Distortion::BrownConrady([1.0, 0.0, 0.0, 0.0, 0.0]));
     let map = load_depth(place.path(), &record, None).unwrap().unwrap();
     assert!(map.inverse[0].is_nan(), "the corner lies outside the file");
     assert!(map.inverse.iter().all(|&w| w.is_nan() || w == 0.5 || w == 0.02), "{:?}", map.inverse);

@@ -9,7 +9,7 @@ use crate::{
 };
 
 fn source(width: usize, height: usize, rgb: &[u8]) -> Source<'_> {
-    Source { width, height, rgb, mask: None, lens: None }
+    Source { width, height, rectified: [width, height], rgb, mask: None, lens: None }
 }
 
 fn size(height: usize, width: usize) -> ImageSize {
@@ -112,7 +112,8 @@ fn camera(distortion: [f64; 5]) -> Camera {
         width: u32::try_from(WIDTH).unwrap(),
         height: u32::try_from(HEIGHT).unwrap(),
         intrinsics: Intrinsics { fx: 100.0, fy: 105.0, cx: 79.0, cy: 62.0 },
-        distortion: Some(Distortion(distortion)),
+        distortion: Some(Distortion::BrownConrady(distortion)),
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     }
 }
@@ -219,9 +220,10 @@ fn white_stays_white_however_many_pixels_are_one() {
         height,
         intrinsics: Intrinsics { fx: 900.0, fy: 900.0, cx: 400.0, cy: 300.0 },
         distortion,
+        readout: None,
         world_from_camera: Pose::IDENTITY,
     };
-    let bent = Distortion([-0.2, 0.05, 1e-3, -1e-3, 0.0]);
+    let bent = Distortion::BrownConrady([-0.2, 0.05, 1e-3, -1e-3, 0.0]);
     for (sides, distortion) in [([16, 41_003], None), ([30_011, 3], None), ([800, 600], Some(bent))] {
         let [width, height] = sides.map(|side| side as usize);
         let rgb = vec![255; width * height * 3];

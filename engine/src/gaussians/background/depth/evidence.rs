@@ -47,12 +47,13 @@ pub(super) fn evidence(view: &View, level: &Reduced, cloud: &PointCloud, ground:
     let mut pixels = of_returns(view, level, cloud);
     let measured: Vec<bool> = pixels.iter().map(|pixel| pixel.weight > 0.0).collect();
     interpolate(&mut pixels, level.pinhole.width);
-    let centre = level.pinhole.centre();
     let upward: Vec<bool> = pixels
         .iter_mut()
         .enumerate()
         .map(|(i, pixel)| {
-            let ahead = level.pinhole.unproject(middle(i, level.pinhole.width));
+            let at = middle(i, level.pinhole.width);
+            let camera = level.pinhole.exposing([at.u, at.v]);
+            let (centre, ahead) = (camera.centre(), camera.unproject(at));
             let direction: [f32; 3] = std::array::from_fn(|k| ahead[k] - centre[k]);
             if let Some(ground) = ground {
                 let floor = ground.inverse_depth(centre, direction, LOWERED);

@@ -94,6 +94,7 @@ fn nearest_inverse(evidence: &[Evidence]) -> f32 {
 }
 
 /// `source_from_view` of two cameras.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct RelativePose {
     rotation: [[f32; 3]; 3],
     translation: [f32; 3],
@@ -107,6 +108,15 @@ impl RelativePose {
             std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| b[i][k] * a[j][k]).sum()));
         let translation = std::array::from_fn(|i| b[i][3] - (0..3).map(|k| rotation[i][k] * a[k][3]).sum::<f32>());
         Self { rotation, translation }
+    }
+
+    /// The pose at the moment at which a pixel of `view` is exposed; this one, which is at its time, where all are at once.
+    fn of_pixel(&self, view: &PinholeView, pixel: usize, source: &PinholeView) -> Self {
+        if view.shutter.is_none() {
+            return *self;
+        }
+        let at = middle(pixel, view.width);
+        Self::new(&view.exposing([at.u, at.v]), source)
     }
 
     /// The ray of a pixel in the source's axes: `start + w * self.translation` is the point at inverse depth w, times w.
@@ -124,14 +134,16 @@ impl RelativePose {
         inverse: f32,
         source: &PinholeView,
     ) -> Option<Projected> {
-        let at = project(self.start(view, pixel), self.translation, inverse, source)?;
+        let pose = self.of_pixel(view, pixel, source);
+        let at = project(pose.start(view, pixel), pose.translation, inverse, source)?;
         Some(Projected { depth: at.depth / inverse.max(f32::MIN_POSITIVE), ..at })
     }
 }
 
 /// The image position of `start + inverse * shift`; its `depth` is that times the inverse depth.
 fn project(start: [f32; 3], shift: [f32; 3], inverse: f32, source: &PinholeView) -> Option<Projected> {
-    let [x, y, z]: [f32; 3] = std::array::from_fn(|k| start[k] + inverse * shift[k]);
+    let point: [f32; 3] = std::array::from_fn(|k| start[k] + inverse * shift[k]);
+    let [x, y, z] = source.shutter.map_or(point, |shutter| shutter.shown(&source.lens(), point, inverse));
     let (u, v) = (source.fx * x / z + source.cx, source.fy * y / z + source.cy);
     let inside = z > NEAR && u >= 0.0 && v >= 0.0 && u < source.width as f32 && v < source.height as f32;
     inside.then_some(Projected { u, v, depth: z })
@@ -146,6 +158,7 @@ fn match_along_ray(
     pose: &RelativePose,
     step: f32,
 ) {
+    let pose = pose.of_pixel(&level.view.pinhole, pixel, &source.view.pinhole);
     let start = pose.start(&level.view.pinhole, pixel);
     let colour = level.view.colours[pixel].map(f32::from);
     for (label, cost) in costs.iter_mut().enumerate() {

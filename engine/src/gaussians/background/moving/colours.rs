@@ -39,10 +39,11 @@ impl Pixels {
             let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
             let place = at(inverse[pixel]);
-            let velocity = thing.velocity_of(place, view.pinhole.time - thing.time);
+            let taken = view.pinhole.exposing([u, v]).time;
+            let velocity = thing.velocity_of(place, taken - thing.time);
             let there = |source: &View| {
-                let seconds = source.pinhole.time - view.pinhole.time;
-                source.pinhole.project(moved(place, velocity, seconds))
+                let seconds = source.pinhole.time - taken;
+                source.pinhole.project_moving(moved(place, velocity, seconds), velocity)
             };
             let still = sheet.inverse_depths[pixel];
             let differ = |place: &dyn Fn(&View) -> Option<Projected>| {

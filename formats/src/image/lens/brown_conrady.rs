@@ -1,30 +1,27 @@
-//! Lens distortion: where a pixel of the rectified image lies in the image file.
+//! Radial and tangential distortion by Brown and Conrady.
 
-use crate::camera::{Camera, Distortion, Intrinsics};
-
-/// Halvings that bring an interval of f64 down to its last bits.
-const BISECTIONS: usize = 64;
+use super::bisect;
+use crate::camera::{Camera, Intrinsics};
 
 /// A Brown-Conrady lens with the pinhole of its rectified image: the same intrinsics.
 #[derive(Clone, Debug)]
-pub(super) struct Lens {
+pub(in crate::image) struct BrownConrady {
     intrinsics: Intrinsics,
     distortion: [f64; 5],
     /// Squared radius (in the plane z = 1) at which the radial function stops to grow.
     fold: f64,
 }
 
-impl Lens {
-    /// The lens of a camera; `None` when its image is rectified already.
-    pub(super) fn new(camera: &Camera) -> Option<Self> {
-        let Distortion(distortion) = camera.distortion.filter(|d| d.0.iter().any(|&k| k != 0.0))?;
+impl BrownConrady {
+    /// The lens with coefficients `[k1, k2, p1, p2, k3]` of a camera.
+    pub(super) fn new(camera: &Camera, distortion: [f64; 5]) -> Self {
         let k = camera.intrinsics;
         let farthest =
             |size: u32, focal: f64, centre: f64| (centre / focal).abs().max((f64::from(size) - centre).abs() / focal);
         let (x, y) = (farthest(camera.width, k.fx, k.cx), farthest(camera.height, k.fy, k.cy));
         let [k1, k2, _, _, k3] = distortion;
         let fold = first_fold(k1, k2, k3, x * x + y * y);
-        Some(Self { intrinsics: k, distortion, fold })
+        Self { intrinsics: k, distortion, fold }
     }
 
     /// The pixel of the image file that shows what pixel `(u, v)` of the rectified image shows (centres at +0.5);
@@ -75,15 +72,6 @@ fn first_fold(k1: f64, k2: f64, k3: f64, end: f64) -> f64 {
     f64::INFINITY
 }
 
-/// The point between `low` (positive value) and `high` (value of at most 0) at which the value stops to be positive.
-fn bisect(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    for _ in 0..BISECTIONS {
-        let middle = 0.5 * (low + high);
-        if value(middle) > 0.0 { low = middle } else { high = middle }
-    }
-    low
-}
-
 /// The real roots of `a s^2 + b s + c`, NaN or infinity where there is none.
 fn quadratic_roots(a: f64, b: f64, c: f64) -> [f64; 2] {
     let q = -0.5 * (b + (b * b - 4.0 * a * c).sqrt().copysign(b));
@@ -93,7 +81,11 @@ fn quadratic_roots(a: f64, b: f64, c: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::Pose;
+    use crate::{
+        camera::{Camera, Distortion},
+        image::lens::Lens,
+        pose::Pose,
+    };
 
     fn camera(distortion: [f64; 5]) -> Camera {
         Camera {
@@ -102,7 +94,8 @@ mod tests {
             width: 200,
             height: 100,
             intrinsics: Intrinsics { fx: 100.0, fy: 90.0, cx: 101.0, cy: 49.0 },
-            distortion: Some(Distortion(distortion)),
+            distortion: Some(Distortion::BrownConrady(distortion)),
+            readout: None,
             world_from_camera: Pose::IDENTITY,
         }
     }

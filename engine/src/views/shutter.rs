@@ -1,0 +1,237 @@
+//! Rolling shutters: when each part of an image is exposed, and where the camera is then.
+
+use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
+use lgs_formats::{camera_motion::CameraMotion, pose::Pose};
+
+use super::{PinholeView, to_f32};
+
+/// How far beyond its image a camera is followed, in readouts.
+const BEYOND: f64 = 0.5;
+/// Share of the lines that a point moves over while the shutter goes over one, beyond which it is taken to be this.
+const FASTEST: f64 = 0.5;
+
+/// The rolling shutter of a view, and how its camera moves meanwhile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shutter {
+    /// Seconds after the view's time at the upper left corner of the image.
+    first: f64,
+    /// Seconds a pixel to the right, and a pixel down.
+    by_pixel: DVec2,
+    /// Earliest and latest moment at which the camera is followed, seconds.
+    limits: [f64; 2],
+    /// Rotation vector of the camera a second, radians, in its own axes at the view's time.
+    turn: DVec3,
+    /// Velocity of the camera, metres a second, in the same axes.
+    drift: DVec3,
+}
+
+/// What a shutter makes of a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    /// Seconds after the view's time at which the point is exposed.
+    pub(crate) seconds: f64,
+    /// How places around its image are drawn apart, since they are exposed at other moments.
+    pub(crate) bend: DMat2,
+}
+
+impl Shutter {
+    /// The shutter of an image of a size in pixels: `moments` as a loaded image has them, the motion by its camera, whose pose is given.
+    pub fn new(
+        moments: [f64; 3],
+        [width, height]: [usize; 2],
+        motion: &CameraMotion,
+        world_from_camera: &Pose,
+    ) -> Self {
+        let [first, across, down] = moments;
+        let corners = [first, first + across, first + down, first + across + down];
+        let least = corners.into_iter().fold(f64::INFINITY, f64::min);
+        let most = corners.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let room = BEYOND * (most - least);
+        Self {
+            first,
+            by_pixel: DVec2::new(across / width as f64, down / height as f64),
+            limits: [least - room, most + room],
+            turn: motion.turn,
+            drift: world_from_camera.rotation().transpose() * motion.velocity,
+        }
+    }
+
+    /// Seconds after the view's time at which an image position (pixels) is exposed.
+    pub fn moment(&self, [u, v]: [f32; 2]) -> f64 {
+        let at = DVec2::new(f64::from(u), f64::from(v));
+        self.limited(self.first + self.by_pixel.dot(at))
+    }
+
+    fn limited(&self, seconds: f64) -> f64 {
+        seconds.clamp(self.limits[0], self.limits[1])
+    }
+
+    /// When a point is exposed that is at `point / weight` in the camera's axes at the view's time and moves there with `velocity`, metres a second.
+    ///
+    /// # Formula
+    /// With `m(x)` the moment of image position x, `x_0` and `r` the point's at the view's time and its rate there: the solution
+    /// `m(x_0) / (1 - grad m r)` of `s = m(x_0 + r s)`, a Newton step. Around it, places are drawn apart by `I + r grad m^T / (1 - grad m r)`.
+    pub(crate) fn taken(&self, view: &Lens, point: DVec3, weight: f64, velocity: DVec3) -> Taken {
+        let slope = DVec2::new(point.x, point.y) / point.z;
+        let moves = weight * (velocity - self.drift) - self.turn.cross(point);
+        let rate = view.focal * (DVec2::new(moves.x, moves.y) - slope * moves.z) / point.z;
+        let lines = self.by_pixel.dot(rate).clamp(-FASTEST, FASTEST);
+        let start = self.limited(self.first + self.by_pixel.dot(view.focal * slope + view.centre));
+        let r = rate / (1.0 - lines);
+        Taken {
+            seconds: self.limited(start / (1.0 - lines)),
+            bend: DMat2::IDENTITY + DMat2::from_cols(r * self.by_pixel.x, r * self.by_pixel.y),
+        }
+    }
+
+    /// Where a standing point that is at `point / weight` in the camera's axes at the view's time is in these when it is exposed, times the weight; to
+    /// first order in the motion, for work that does so many times a pixel.
+    pub(crate) fn shown(&self, view: &Lens, point: [f32; 3], weight: f32) -> [f32; 3] {
+        let (p, weight) = (DVec3::from(point.map(f64::from)), f64::from(weight));
+        let taken = self.taken(view, p, weight, DVec3::ZERO);
+        (p - taken.seconds * (weight * self.drift + self.turn.cross(p))).to_array().map(to_f32)
+    }
+
+    /// The camera `seconds` after the view's time: what turns its axes at the view's time, and what is added to translations before that.
+    pub(crate) fn carried(&self, seconds: f64) -> (DMat3, DVec3) {
+        (DMat3::from_quat(DQuat::from_scaled_axis(-self.turn * seconds)), -self.drift * seconds)
+    }
+
+    /// The shutter of a part of the image whose upper left corner is at a place of it, pixels.
+    #[must_use]
+    pub fn cropped(&self, corner: [f32; 2]) -> Self {
+        let corner = DVec2::new(f64::from(corner[0]), f64::from(corner[1]));
+        Self { first: self.first + self.by_pixel.dot(corner), ..*self }
+    }
+
+    /// The shutter of what a mirror shows in which left is right; the image is so many pixels wide.
+    #[must_use]
+    pub fn mirrored(&self, width: usize) -> Self {
+        Self {
+            first: self.first + self.by_pixel.x * width as f64,
+            by_pixel: self.by_pixel * DVec2::new(-1.0, 1.0),
+            turn: self.turn * DVec3::new(1.0, -1.0, -1.0),
+            drift: self.drift * DVec3::new(-1.0, 1.0, 1.0),
+            ..*self
+        }
+    }
+
+    /// The shutter of the image reduced by a factor.
+    pub(super) fn reduced(&self, factor: f32) -> Self {
+        Self { by_pixel: self.by_pixel * f64::from(factor), ..*self }
+    }
+}
+
+/// Focal lengths and principal point, pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lens {
+    pub(crate) focal: DVec2,
+    pub(crate) centre: DVec2,
+}
+
+impl PinholeView {
+    pub(crate) fn lens(&self) -> Lens {
+        let pair = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
+        Lens { focal: pair(self.fx, self.fy), centre: pair(self.cx, self.cy) }
+    }
+
+    /// The camera at the moment at which an image position (pixels) is exposed: the view itself, where its shutter does not roll.
+    pub fn exposing(&self, position: [f32; 2]) -> Self {
+        self.shutter.map_or(*self, |shutter| self.after(&shutter, shutter.moment(position)))
+    }
+
+    /// The moment at which a standing point of the clip frame is exposed, seconds since time zero; that of the view where it is outside.
+    pub(crate) fn exposed_at(&self, point: [f32; 3]) -> f32 {
+        if self.shutter.is_none() {
+            return self.time;
+        }
+        self.project(point).map_or(self.time, |at| self.exposing([at.u, at.v]).time)
+    }
+
+    /// The camera at the moment at which a point of the clip frame (at the view's time; metres) that moves with `velocity` (metres a second) is
+    /// exposed.
+    pub(crate) fn taking(&self, shutter: &Shutter, point: [f32; 3], velocity: [f32; 3]) -> Self {
+        let in_camera = DVec3::from(self.to_camera(point).map(f64::from));
+        let v = velocity.map(f64::from);
+        let moves = self.camera_from_clip.map(|row| (0..3).map(|k| f64::from(row[k]) * v[k]).sum::<f64>());
+        let taken = shutter.taken(&self.lens(), in_camera, 1.0, DVec3::from(moves));
+        self.after(shutter, taken.seconds)
+    }
+
+    fn after(&self, shutter: &Shutter, seconds: f64) -> Self {
+        let (turn, shift) = shutter.carried(seconds);
+        let rows = self.camera_from_clip.map(|row| row.map(f64::from));
+        let column = |c: usize| turn * (DVec3::from(rows.map(|row| row[c])) + if c == 3 { shift } else { DVec3::ZERO });
+        let columns = [0, 1, 2, 3].map(column);
+        Self {
+            camera_from_clip: [0, 1, 2].map(|r| columns.map(|column| to_f32(column[r]))),
+            time: to_f32(f64::from(self.time) + seconds),
+            shutter: None,
+            ..*self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::views::samples::ahead;
+
+    const READOUT: f64 = 0.03;
+
+    /// A camera that drives ahead at 15 m/s and turns, whose rows are read from the top down.
+    fn view() -> PinholeView {
+        let motion = CameraMotion { turn: DVec3::new(0.0, 0.3, 0.1), velocity: DVec3::new(1.0, 0.0, 15.0) };
+        let shutter = Shutter::new([-0.5 * READOUT, 0.0, READOUT], [80, 60], &motion, &Pose::IDENTITY);
+        PinholeView { shutter: Some(shutter), ..ahead(80, 60, 70.0) }
+    }
+
+    #[test]
+    fn a_point_is_where_the_camera_of_its_own_moment_sees_it() {
+        let view = view();
+        let mut farthest = 0.0_f32;
+        for point in [[2.0, 1.0, 4.0], [-3.0, -2.0, 8.0], [0.1, 1.4, 3.5], [10.0, -5.0, 40.0], [0.2, 0.6, 2.0]] {
+            let at = view.project(point).unwrap();
+            // The fixed point, by iteration.
+            let mut moment = 0.0;
+            for _ in 0..50 {
+                let seen = view.after(&view.shutter.unwrap(), moment).project(point).unwrap();
+                moment = view.shutter.unwrap().moment([seen.u, seen.v]);
+            }
+            let exact = view.after(&view.shutter.unwrap(), moment).project(point).unwrap();
+            farthest = farthest.max((at.u - exact.u).hypot(at.v - exact.v));
+            let back = view.unproject(at);
+            assert!((0..3).all(|k| (back[k] - point[k]).abs() < 2e-3 * point[2]), "{back:?} {point:?}");
+            let still = PinholeView { shutter: None, ..view };
+            assert!(still.project(point).unwrap() != at);
+        }
+        assert!(farthest < 0.02, "{farthest}");
+    }
+
+    #[test]
+    fn what_moves_along_with_the_camera_stays_where_it_is() {
+        let motion = CameraMotion { turn: DVec3::ZERO, velocity: DVec3::new(0.0, 0.0, 15.0) };
+        let shutter = Shutter::new([-0.02, 0.04, 0.0], [80, 60], &motion, &Pose::IDENTITY);
+        let view = PinholeView { shutter: Some(shutter), ..ahead(80, 60, 70.0) };
+        let (point, velocity) = ([3.0, 1.0, 7.0], [0.0, 0.0, 15.0]);
+        let still = PinholeView { shutter: None, ..view }.project(point).unwrap();
+        let seen = view.project_moving(point, velocity).unwrap();
+        assert!((seen.u - still.u).hypot(seen.v - still.v) < 1e-3, "{seen:?} {still:?}");
+        assert!(view.project(point).unwrap().u > still.u + 0.5);
+    }
+
+    #[test]
+    fn a_reduced_image_is_exposed_at_the_same_moments() {
+        let (full, half) = (view(), view().reduced(2));
+        assert_eq!(full.shutter.unwrap().moment([30.0, 20.0]), half.shutter.unwrap().moment([15.0, 10.0]));
+        let (a, b) = (full.project([2.0, 1.0, 4.0]).unwrap(), half.project([2.0, 1.0, 4.0]).unwrap());
+        assert!((a.u - 2.0 * b.u).hypot(a.v - 2.0 * b.v) < 1e-3);
+    }
+
+    #[test]
+    fn no_readout_changes_no_bit() {
+        let plain = PinholeView { shutter: None, ..view() };
+        assert_eq!(plain.exposing([3.0, 4.0]), plain);
+        assert_eq!(plain.project_moving([2.0, 1.0, 4.0], [9.0, 0.0, 1.0]), plain.project([2.0, 1.0, 4.0]));
+    }
+}
