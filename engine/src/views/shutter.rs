@@ -7,7 +7,7 @@ use super::{PinholeView, to_f32};
 
 /// How far beyond its image a camera is followed, in readouts.
 const BEYOND: f64 = 0.5;
-/// Share of the lines that a point moves over while the shutter goes over one, beyond which it is taken to be this.
+/// Lines that a point moves over while the shutter goes over one, at most: what is faster is beside the camera and out of its image.
 const FASTEST: f64 = 0.5;
 
 /// The rolling shutter of a view, and how its camera moves meanwhile.
@@ -75,7 +75,9 @@ impl Shutter {
         let slope = DVec2::new(point.x, point.y) / point.z;
         let moves = weight * (velocity - self.drift) - self.turn.cross(point);
         let rate = view.focal * (DVec2::new(moves.x, moves.y) - slope * moves.z) / point.z;
-        let lines = self.by_pixel.dot(rate).clamp(-FASTEST, FASTEST);
+        let swift = rate.length() * self.by_pixel.length();
+        let rate = if swift > FASTEST { rate * (FASTEST / swift) } else { rate };
+        let lines = self.by_pixel.dot(rate);
         let start = self.limited(self.first + self.by_pixel.dot(view.focal * slope + view.centre));
         let r = rate / (1.0 - lines);
         Taken {

@@ -6,7 +6,6 @@
 
 use glam::{Mat3, Vec3};
 use lgs_formats::{
-    camera::Intrinsics,
     image::{PixelLabel, RgbImage},
     pose::Pose,
 };
@@ -14,7 +13,8 @@ use rayon::prelude::*;
 
 use super::{
     ground::Zone,
-    maths::{narrow, narrow_mat, narrow3},
+    maths::{narrow, narrow_mat, narrow3, sin_cos},
+    rig::{CameraSpec, fisheye_angle},
     shapes::Ray,
     sky::Light,
     world::{Hit, Moment, Target},
@@ -34,7 +34,7 @@ const FAR: f32 = 2000.0;
 pub struct Capture {
     /// The colours.
     pub rgb: RgbImage,
-    /// `[H, W]` camera-space z at pixel centres, metres; infinite in the sky.
+    /// `[H, W]` camera-space z at pixel centres, metres; infinite in the sky, NaN beside and behind a fisheye.
     pub depth: Vec<f32>,
     /// `[H, W]` velocity of the surface in the clip's world, m/s.
     pub velocity: Vec<[f32; 3]>,
@@ -42,7 +42,7 @@ pub struct Capture {
     pub labels: Vec<PixelLabel>,
 }
 
-/// A pinhole image plane in the world.
+/// An image plane in the world.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImagePlane {
     pub(crate) width: usize,
@@ -51,25 +51,70 @@ pub(crate) struct ImagePlane {
     world_from_camera: Mat3,
     focal: f32,
     centre: [f32; 2],
+    fisheye: Option<[f64; 4]>,
+}
+
+/// One line of an image, or all of them: what is exposed at once.
+#[derive(Debug)]
+pub(crate) struct Exposure<'a> {
+    pub(crate) moment: Moment<'a>,
+    pub(crate) plane: ImagePlane,
+}
+
+/// The exposures of an image.
+#[derive(Debug)]
+pub(crate) enum Exposures<'a> {
+    /// All pixels at once.
+    One(Exposure<'a>),
+    /// `[H]` row by row.
+    Rows(Vec<Exposure<'a>>),
+    /// `[W]` column by column.
+    Columns(Vec<Exposure<'a>>),
+}
+
+impl<'a> Exposures<'a> {
+    fn of(&self, x: usize, y: usize) -> &Exposure<'a> {
+        match self {
+            Self::One(exposure) => exposure,
+            Self::Rows(rows) => &rows[y],
+            Self::Columns(columns) => &columns[x],
+        }
+    }
 }
 
 impl ImagePlane {
     /// The image plane of a camera with square pixels.
-    pub(crate) fn new(intrinsics: &Intrinsics, width: usize, height: usize, world_from_camera: &Pose) -> Self {
+    pub(crate) fn new(spec: &CameraSpec, world_from_camera: &Pose) -> Self {
+        let intrinsics = spec.intrinsics();
         Self {
-            width,
-            height,
+            width: spec.width,
+            height: spec.height,
             origin: narrow3(world_from_camera.translation()),
             world_from_camera: narrow_mat(world_from_camera.rotation()),
             focal: narrow(intrinsics.fx),
             centre: [narrow(intrinsics.cx), narrow(intrinsics.cy)],
+            fisheye: spec.fisheye,
         }
     }
 
-    /// The ray through image coordinates (pixels); its distances are depths.
+    /// The ray through image coordinates (pixels); of a pinhole, its distances are depths.
     fn ray(&self, x: f32, y: f32) -> Ray {
-        let local = Vec3::new((x - self.centre[0]) / self.focal, (y - self.centre[1]) / self.focal, 1.0);
-        Ray { origin: self.origin, direction: self.world_from_camera * local }
+        Ray { origin: self.origin, direction: self.world_from_camera * self.direction(x, y) }
+    }
+
+    fn direction(&self, x: f32, y: f32) -> Vec3 {
+        let [x, y] = [(x - self.centre[0]) / self.focal, (y - self.centre[1]) / self.focal];
+        let Some(lens) = &self.fisheye else { return Vec3::new(x, y, 1.0) };
+        let radius = x.hypot(y);
+        let (sin, cos) = sin_cos(fisheye_angle(lens, f64::from(radius)));
+        let across = narrow(sin) / radius.max(f32::MIN_POSITIVE);
+        Vec3::new(across * x, across * y, narrow(cos))
+    }
+
+    /// Camera-space z at a distance along the ray through image coordinates; NaN behind the camera.
+    fn depth(&self, x: f32, y: f32, t: f32) -> f32 {
+        let z = self.direction(x, y).z;
+        if z > 0.0 { t * z } else { f32::NAN }
     }
 }
 
@@ -87,18 +132,20 @@ impl Probe {
     }
 }
 
-/// The image of a moment. `clip_from_world` turns velocities.
-pub(crate) fn capture(moment: &Moment, plane: &ImagePlane, clip_from_world: &Pose) -> Capture {
-    let (width, height) = (plane.width, plane.height);
+/// The image of one or several moments. `clip_from_world` turns velocities.
+pub(crate) fn capture(exposures: &Exposures<'_>, clip_from_world: &Pose) -> Capture {
+    let ImagePlane { width, height, .. } = exposures.of(0, 0).plane;
     let mut probes = vec![Probe { hit: None, lit: 0.0 }; width * height];
     probes.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
         for (x, probe) in row.iter_mut().enumerate() {
+            let Exposure { moment, plane } = exposures.of(x, y);
             *probe = self::probe(moment, &plane.ray(x as f32 + 0.5, y as f32 + 0.5));
         }
     });
     let mut data = vec![0.0; width * height * 3];
     data.par_chunks_mut(width * 3).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+            let Exposure { moment, plane } = exposures.of(x, y);
             let colour = if is_edge(&probes, width, x, y) {
                 supersampled(moment, plane, x, y)
             } else {
@@ -110,10 +157,12 @@ pub(crate) fn capture(moment: &Moment, plane: &ImagePlane, clip_from_world: &Pos
     let turn = narrow_mat(clip_from_world.rotation());
     let truth = |k: usize| -> (f32, [f32; 3], PixelLabel) {
         let Some(hit) = probes[k].hit else { return (f32::INFINITY, [0.0; 3], PixelLabel::Static) };
-        let point = plane.ray((k % width) as f32 + 0.5, (k / width) as f32 + 0.5).at(hit.t);
+        let Exposure { moment, plane } = exposures.of(k % width, k / width);
+        let [x, y] = [(k % width) as f32 + 0.5, (k / width) as f32 + 0.5];
+        let point = plane.ray(x, y).at(hit.t);
         let velocity = turn * narrow3(moment.velocity(hit.target, point));
         let label = if moment.is_moving(hit.target) { PixelLabel::Dynamic } else { PixelLabel::Static };
-        (hit.t, velocity.to_array(), label)
+        (plane.depth(x, y, hit.t), velocity.to_array(), label)
     };
     let mut capture = Capture {
         rgb: RgbImage { width, height, data },

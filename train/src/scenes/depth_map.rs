@@ -53,7 +53,9 @@ pub(super) fn write(
     match maps {
         DepthMaps::Metric => write_depth_metres(&root.join(&file), width, height, &capture.depth)?,
         DepthMaps::Relative => {
-            let values = as_a_network_sees(&capture.depth, width, &mut Dice::new(seed, STREAM + image));
+            let known = |&depth: &f32| if depth.is_nan() { f32::INFINITY } else { depth };
+            let depths: Vec<f32> = capture.depth.iter().map(known).collect();
+            let values = as_a_network_sees(&depths, width, &mut Dice::new(seed, STREAM + image));
             write_depth_png(&root.join(&file), width, height, &stretched(&values))?;
         }
     }

@@ -3,7 +3,10 @@
 //! The vehicle's frame has its origin on the ground under the middle of the vehicle, x forward, y left, z up.
 
 use glam::{DMat3, DVec3};
-use lgs_formats::{camera::Intrinsics, pose::Pose};
+use lgs_formats::{
+    camera::{Intrinsics, Readout},
+    pose::Pose,
+};
 
 use super::{
     check::{Range, check},
@@ -21,7 +24,10 @@ pub const CAMERA_PLACES: [(&str, f64); 6] = [
     ("rear", 180.0),
 ];
 
-/// A pinhole camera without distortion on the vehicle.
+/// Largest field of view of a pinhole and of a fisheye, degrees.
+const MAX_FOV: [f64; 2] = [140.0, 220.0];
+
+/// A camera on the vehicle: a pinhole without distortion, or a fisheye.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraSpec {
     /// Name, unique in the rig; letters, digits, `_` and `-`.
@@ -30,7 +36,7 @@ pub struct CameraSpec {
     pub width: usize,
     /// Image height, pixels, 8..=4096.
     pub height: usize,
-    /// Horizontal field of view, degrees, 10..=140.
+    /// Horizontal field of view, degrees, 10..=140; of a fisheye up to 220.
     pub fov_deg: f64,
     /// Position in the vehicle's frame, metres.
     pub position: [f64; 3],
@@ -40,8 +46,12 @@ pub struct CameraSpec {
     pub pitch_deg: f64,
     /// Rotation about the axis of view, degrees, -45..=45.
     pub roll_deg: f64,
-    /// Moment of exposure after the frame's LiDAR timestamp, seconds, -0.5..=0.5.
+    /// Moment of exposure after the frame's LiDAR timestamp, of the middle of a rolling shutter's readout, seconds, -0.5..=0.5.
     pub delay_s: f64,
+    /// The shutter, where it rolls: 0..=0.2 seconds.
+    pub readout: Option<Readout>,
+    /// The coefficients of a fisheye lens, each within +-1; `None`: a pinhole.
+    pub fisheye: Option<[f64; 4]>,
 }
 
 impl CameraSpec {
@@ -58,13 +68,16 @@ impl CameraSpec {
             pitch_deg: 0.0,
             roll_deg: 0.0,
             delay_s: 0.0,
+            readout: None,
+            fisheye: None,
         }
     }
 
-    /// Pinhole intrinsics: square pixels, the principal point in the middle.
+    /// Intrinsics: square pixels, the principal point in the middle.
     pub fn intrinsics(&self) -> Intrinsics {
         let (cx, cy) = (0.5 * self.width as f64, 0.5 * self.height as f64);
-        let focal = cx / libm::tan(0.5 * self.fov_deg.to_radians());
+        let angle = 0.5 * self.fov_deg.to_radians();
+        let focal = cx / self.fisheye.map_or_else(|| libm::tan(angle), |lens| fisheye_radius(&lens, angle));
         Intrinsics { fx: focal, fy: focal, cx, cy }
     }
 
@@ -76,6 +89,24 @@ impl CameraSpec {
             * rotation_x(self.roll_deg.to_radians());
         Pose::new(turned * looking, DVec3::from_array(self.position))
     }
+}
+
+/// Distance from the middle of the image of a fisheye at focal length 1, of a ray at an angle (radians) from its axis.
+fn fisheye_radius([k1, k2, k3, k4]: &[f64; 4], angle: f64) -> f64 {
+    let s = angle * angle;
+    angle * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
+}
+
+/// The angle (radians) from the axis of a fisheye at a distance from the middle of its image at focal length 1; at most a half turn.
+pub(crate) fn fisheye_angle(lens: &[f64; 4], radius: f64) -> f64 {
+    /// Halvings of the half turn.
+    const STEPS: usize = 52;
+    let (mut low, mut high) = (0.0, std::f64::consts::PI);
+    for _ in 0..STEPS {
+        let middle = 0.5 * (low + high);
+        if fisheye_radius(lens, middle) < radius { low = middle } else { high = middle }
+    }
+    low
 }
 
 /// A spinning LiDAR.
@@ -165,7 +196,13 @@ impl CameraSpec {
         let field = |name: &str| format!("{path}.{name}");
         check(field("width"), self.width as f64, Range(8.0, 4096.0))?;
         check(field("height"), self.height as f64, Range(8.0, 4096.0))?;
-        check(field("fov_deg"), self.fov_deg, Range(10.0, 140.0))?;
+        check(field("fov_deg"), self.fov_deg, Range(10.0, MAX_FOV[usize::from(self.fisheye.is_some())]))?;
+        for (i, coefficient) in self.fisheye.into_iter().flatten().enumerate() {
+            check(field(&format!("fisheye[{i}]")), coefficient, Range(-1.0, 1.0))?;
+        }
+        if let Some(readout) = self.readout {
+            check(field("readout.seconds"), readout.seconds, Range(0.0, 0.2))?;
+        }
         check_position(&field("position"), self.position)?;
         check(field("yaw_deg"), self.yaw_deg, Range(-360.0, 360.0))?;
         check(field("pitch_deg"), self.pitch_deg, Range(-45.0, 45.0))?;

@@ -1,9 +1,14 @@
 //! A scene: a street with sensors that drive through it.
 
-use lgs_formats::{camera::Camera, clip::TrackedBox, pose::Pose};
+use glam::DMat3;
+use lgs_formats::{
+    camera::{Camera, Distortion, Fisheye, ReadoutDirection},
+    clip::TrackedBox,
+    pose::Pose,
+};
 
 use super::{
-    camera::{Capture, ImagePlane, capture},
+    camera::{Capture, Exposure, Exposures, ImagePlane, capture},
     config::SceneConfig,
     lidar::{Instant, Scan, Scanner},
     maths::rotation_z,
@@ -66,28 +71,56 @@ impl Scene {
     pub fn camera(&self, frame: usize, camera: usize) -> Camera {
         let spec = &self.config.rig.cameras[camera];
         let size = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
+        let world_from_camera = self.clip_from_world * self.camera_pose(frame, camera, 0.0);
         Camera {
             name: spec.name.clone(),
             timestamp: self.lidar_timestamp(frame) + spec.delay_s,
             width: size(spec.width),
             height: size(spec.height),
             intrinsics: spec.intrinsics(),
-            distortion: None,
-            readout: None,
-            world_from_camera: self.clip_from_world * self.camera_pose(frame, camera),
+            distortion: spec.fisheye.map(|coefficients| {
+                Distortion::Fisheye(Fisheye {
+                    coefficients,
+                    width: size(spec.width),
+                    height: size(spec.height),
+                    intrinsics: spec.intrinsics(),
+                    world_from_fisheye: world_from_camera,
+                    fisheye_from_pinhole: DMat3::IDENTITY,
+                })
+            }),
+            readout: spec.readout,
+            world_from_camera,
         }
     }
 
-    /// The image of a camera, taken at its own timestamp.
+    /// The image of a camera, taken at its own timestamp or, where its shutter rolls, around it.
     ///
     /// # Panics
     /// The rig has no such camera.
     pub fn capture(&self, frame: usize, camera: usize) -> Capture {
         let spec = &self.config.rig.cameras[camera];
-        let moment = self.world.at(self.config.frame_time(frame) + spec.delay_s);
-        let pose = self.camera_pose(frame, camera);
-        let plane = ImagePlane::new(&spec.intrinsics(), spec.width, spec.height, &pose);
-        capture(&moment, &plane, &self.clip_from_world)
+        let exposure = |seconds: f64| Exposure {
+            moment: self.world.at(self.config.frame_time(frame) + spec.delay_s + seconds),
+            plane: ImagePlane::new(spec, &self.camera_pose(frame, camera, seconds)),
+        };
+        let exposures = match spec.readout.filter(|readout| readout.seconds > 0.0) {
+            None => Exposures::One(exposure(0.0)),
+            Some(readout) => {
+                let line = |k: usize, of: usize| {
+                    let share = (k as f64 + 0.5) / of as f64;
+                    exposure(readout.moment([share; 2]))
+                };
+                match readout.direction {
+                    ReadoutDirection::TopToBottom | ReadoutDirection::BottomToTop => {
+                        Exposures::Rows((0..spec.height).map(|k| line(k, spec.height)).collect())
+                    }
+                    ReadoutDirection::LeftToRight | ReadoutDirection::RightToLeft => {
+                        Exposures::Columns((0..spec.width).map(|k| line(k, spec.width)).collect())
+                    }
+                }
+            }
+        };
+        capture(&exposures, &self.clip_from_world)
     }
 
     /// The sweep of a frame.
@@ -137,9 +170,9 @@ impl Scene {
         self.world.ego.pose(&self.world.ground.road, time) * self.config.rig.lidar.mount()
     }
 
-    fn camera_pose(&self, frame: usize, camera: usize) -> Pose {
+    fn camera_pose(&self, frame: usize, camera: usize, seconds: f64) -> Pose {
         let spec = &self.config.rig.cameras[camera];
-        let time = self.config.frame_time(frame) + spec.delay_s;
+        let time = self.config.frame_time(frame) + spec.delay_s + seconds;
         self.world.ego.pose(&self.world.ground.road, time) * spec.mount()
     }
 }

@@ -1,9 +1,12 @@
 //! What the command line says; nothing here acts.
 
-use std::path::PathBuf;
+use std::{ops::RangeInclusive, path::PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use lgs_formats::image::ImageSize;
+use lgs_formats::{
+    camera::{Readout, ReadoutDirection},
+    image::ImageSize,
+};
 use lgs_train::scenes::{
     SceneConfig, Split,
     config::MAX_EGO_DISTANCE,
@@ -17,6 +20,9 @@ use crate::{
     ablate_args::AblateArgs, backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs,
     rates_args::RatesArgs, ship::ShipArgs,
 };
+
+/// The coefficients of the lenses that `--fisheye` asks for.
+const FISHEYE: [f64; 4] = [0.02, -0.004, 0.0, 0.0];
 
 /// Makes scenes to train and measure on, and trains.
 #[derive(Clone, Debug, Parser)]
@@ -119,6 +125,16 @@ pub(crate) struct ScenesArgs {
     /// Writes a mask of moving pixels beside every image
     #[arg(long)]
     pub(crate) masks: bool,
+    /// Speed of the vehicle with the sensors, m/s, 0 to 20, less where a clip would be longer than its street [default: drawn from the seed]
+    #[arg(long, value_name = "M/S", value_parser = parse_speed)]
+    pub(crate) speed: Option<f64>,
+    /// Rolling shutters: seconds from the first line of every image to the last one, 0 to 0.2, and which way they go: top_to_bottom (where
+    /// none is given), bottom_to_top, left_to_right or right_to_left [default: 0, all lines at once]
+    #[arg(long, value_name = "SECONDS[:WAY]", value_parser = parse_readout)]
+    pub(crate) readout: Option<Readout>,
+    /// Fisheye lenses: horizontal field of view of every camera, degrees, 10 to 220 [default: pinholes]
+    #[arg(long, value_name = "DEGREES", value_parser = parse_fisheye)]
+    pub(crate) fisheye: Option<f64>,
     /// Writes a depth map beside every image [default: none]
     #[arg(long, value_enum)]
     pub(crate) depth: Option<DepthArg>,
@@ -233,13 +249,20 @@ impl ScenesArgs {
         config.num_frames = self.frames.unwrap_or(config.num_frames);
         config.frame_interval_s = self.interval.unwrap_or(config.frame_interval_s);
         let duration = config.frame_time(config.num_frames);
-        config.traffic.ego_speed = config.traffic.ego_speed.min(MAX_EGO_DISTANCE / duration.max(1e-3));
+        config.traffic.ego_speed =
+            self.speed.unwrap_or(config.traffic.ego_speed).min(MAX_EGO_DISTANCE / duration.max(1e-3));
         if let Some(num) = self.cameras {
             resize_rig(&mut config.rig, num);
         }
         if let Some(size) = self.image_size {
             for camera in &mut config.rig.cameras {
                 (camera.height, camera.width) = (size.height, size.width);
+            }
+        }
+        for camera in &mut config.rig.cameras {
+            camera.readout = self.readout.or(camera.readout);
+            if let Some(fov_deg) = self.fisheye {
+                (camera.fov_deg, camera.fisheye) = (fov_deg, Some(FISHEYE));
             }
         }
         let lidar = &mut config.rig.lidar;
@@ -267,6 +290,31 @@ fn resize_rig(rig: &mut Rig, num: usize) {
         }
         rig.cameras.push(camera);
     }
+}
+
+fn parse_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let expected = || format!("expected {} to {}", range.start(), range.end());
+    text.parse().ok().filter(|value| range.contains(value)).ok_or_else(expected)
+}
+
+fn parse_speed(text: &str) -> Result<f64, String> {
+    parse_within(text, 0.0..=20.0)
+}
+
+fn parse_readout(text: &str) -> Result<Readout, String> {
+    let (seconds, way) = text.split_once(':').unwrap_or((text, "top_to_bottom"));
+    let direction = match way {
+        "top_to_bottom" => ReadoutDirection::TopToBottom,
+        "bottom_to_top" => ReadoutDirection::BottomToTop,
+        "left_to_right" => ReadoutDirection::LeftToRight,
+        "right_to_left" => ReadoutDirection::RightToLeft,
+        _ => return Err("expected top_to_bottom, bottom_to_top, left_to_right or right_to_left".to_owned()),
+    };
+    Ok(Readout { seconds: parse_within(seconds, 0.0..=0.2)?, direction })
+}
+
+fn parse_fisheye(text: &str) -> Result<f64, String> {
+    parse_within(text, 10.0..=220.0)
 }
 
 fn parse_cameras(text: &str) -> Result<usize, String> {
