@@ -11,6 +11,7 @@ mod render;
 mod returns;
 mod rig;
 mod scaling;
+mod shutters;
 mod structure;
 mod sweep;
 mod targetgen;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
     cases.extend(importers::cases());
     cases.extend(returns::cases());
     cases.extend(rig::cases());
+    cases.extend(shutters::cases());
     cases.extend(cli::cases());
     cases.extend(targetgen::cases());
     cases.extend(scaling::cases());

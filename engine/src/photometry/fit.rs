@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use super::observations::{Observation, Observations};
 
-/// Rounds of re-weighted least squares.
+/// Rounds of re-weighted least squares, at most, and the change of a parameter below which they end.
 const ROUNDS: usize = 40;
+const SETTLED: f64 = 1e-4;
 /// Error of a logarithm that is believed at first, before the responses are known; it shrinks by [`SHRINK`] a round down to what the places show.
 const FIRST_ERROR: f64 = 0.5;
 const SHRINK: f64 = 0.8;
@@ -98,8 +99,13 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
             observed.all.iter().zip(&errors).map(|(seen, e)| seen.weight / (1.0 + (e / error).powi(2))).collect();
         let weight = |i: usize| ALIKE * (error / belief(i, layout, reference)).powi(2);
         let beliefs: Vec<(f64, f64)> = identity.iter().enumerate().map(|(i, &value)| (value, weight(i))).collect();
-        parameters = step(observed, cameras, layout, &weights, &beliefs, &parameters);
+        let next = step(observed, cameras, layout, &weights, &beliefs, &parameters);
+        let change = next.iter().zip(&parameters).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        parameters = next;
         spread(&parameters, &mut errors);
+        if change < SETTLED && believed < error {
+            break;
+        }
     }
     let common = |seen: &Observation, channel: usize| {
         let run = std::slice::from_ref(seen);

@@ -86,12 +86,12 @@ impl Shutter {
         }
     }
 
-    /// Where a standing point that is at `point / weight` in the camera's axes at the view's time is in these when it is exposed, times the weight; to
-    /// first order in the motion, for work that does so many times a pixel.
-    pub(crate) fn shown(&self, view: &Lens, point: [f32; 3], weight: f32) -> [f32; 3] {
+    /// How far a standing point that is at `point / weight` in the camera's axes at the view's time has moved in these when it is exposed, times the
+    /// weight; to first order in the motion.
+    pub(crate) fn shift(&self, view: &Lens, point: [f32; 3], weight: f32) -> [f32; 3] {
         let (p, weight) = (DVec3::from(point.map(f64::from)), f64::from(weight));
-        let taken = self.taken(view, p, weight, DVec3::ZERO);
-        (p - taken.seconds * (weight * self.drift + self.turn.cross(p))).to_array().map(to_f32)
+        let seconds = self.taken(view, p, weight, DVec3::ZERO).seconds;
+        (-seconds * (weight * self.drift + self.turn.cross(p))).to_array().map(to_f32)
     }
 
     /// The camera `seconds` after the view's time: what turns its axes at the view's time, and what is added to translations before that.

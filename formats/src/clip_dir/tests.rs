@@ -1,5 +1,6 @@
 //! A small clip that is good, and what is said when one thing in it is not.
 
+mod cameras;
 mod returns;
 
 use std::path::PathBuf;

@@ -13,6 +13,7 @@ use std::{
     sync::Arc,
 };
 
+use glam::DMat3;
 use scene::{AnnotationsJson, CalibrationJson, DatumJson, OntologyJson, PoseJson, SceneJson};
 
 use super::{
@@ -21,7 +22,7 @@ use super::{
     values::{At, entries, inside, read_json},
 };
 use crate::{
-    camera::{Camera, Distortion, Intrinsics},
+    camera::{Camera, Distortion, Fisheye, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
     clip_dir::SweepDecoder,
     error::{FormatError, Result},
@@ -165,25 +166,33 @@ impl<'a> Reader<'a> {
             let found = calibration.names.join(", ");
             return Err(FormatError::invalid(&place, "names", format!("`{name}` with intrinsics"), found));
         };
-        if let Some((key, value)) = lens.unsupported() {
+        if let Some((key, value, expected)) = lens.unsupported() {
             let field = format!("intrinsics[{index}].{key}");
-            return Err(FormatError::invalid(
-                &place,
-                field,
-                "0 (a pinhole with k1, k2, k3, p1, p2)",
-                value.to_string(),
-            ));
+            return Err(FormatError::invalid(&place, field, expected, value));
         }
-        let distortion = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3];
+        let intrinsics = Intrinsics { fx: lens.fx, fy: lens.fy, cx: lens.cx + 0.5, cy: lens.cy + 0.5 };
+        let world_from_camera = self.pose(&at, &image.pose)?;
+        let bent = [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3];
+        let fisheye = lens.fisheye().map(|coefficients| {
+            Distortion::Fisheye(Fisheye {
+                coefficients,
+                width: image.width,
+                height: image.height,
+                intrinsics,
+                world_from_fisheye: world_from_camera,
+                fisheye_from_pinhole: DMat3::IDENTITY,
+            })
+        });
+        let distortion = fisheye.or_else(|| bent.iter().any(|&k| k != 0.0).then_some(Distortion::BrownConrady(bent)));
         let camera = Camera {
             name: name.clone(),
             timestamp: self.time(&at, datum)?,
             width: image.width,
             height: image.height,
-            intrinsics: Intrinsics { fx: lens.fx, fy: lens.fy, cx: lens.cx + 0.5, cy: lens.cy + 0.5 },
-            distortion: distortion.iter().any(|&k| k != 0.0).then_some(Distortion::BrownConrady(distortion)),
+            intrinsics,
+            distortion,
             readout: None,
-            world_from_camera: self.pose(&at, &image.pose)?,
+            world_from_camera,
         };
         Ok(CameraRecord {
             file: inside(At { file: self.file, field: &at }, &image.filename)?,

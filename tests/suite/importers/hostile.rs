@@ -45,7 +45,7 @@ const SPOILT: [Spoilt; 34] = [
     Spoilt { layout: "dgp", name: "another_key", file: "scene_0.json", change: Text("\"l1\",\n\"c1\"", "\"lost\""), names: &["scene_0.json", "samples[1].datum_keys", "lost"] },
     Spoilt { layout: "dgp", name: "no_moment", file: "scene_0.json", change: Text("2020-09-13T", "13.9.2020 "), names: &["scene_0.json", "timestamp", "13.9.2020"] },
     Spoilt { layout: "dgp", name: "a_path_out_of_the_folder", file: "scene_0.json", change: Text("rgb/CAMERA_01/0.png", "../../etc/0.png"), names: &["scene_0.json", "CAMERA_01", "..", "expected"] },
-    Spoilt { layout: "dgp", name: "a_fisheye", file: "calibration/cal.json", change: Text("\"skew\": 0.0\n}\n]", "\"skew\": 0.0, \"fisheye\": 1\n}\n]"), names: &["cal.json", "intrinsics[1].fisheye", "expected 0", "found 1"] },
+    Spoilt { layout: "dgp", name: "a_fisheye", file: "calibration/cal.json", change: Text("\"skew\": 0.0\n}\n]", "\"skew\": 0.0, \"fisheye\": 3\n}\n]"), names: &["cal.json", "intrinsics[1].fisheye", "expected 0", "found 3"] },
     Spoilt { layout: "dgp", name: "no_such_camera", file: "calibration/cal.json", change: Text("CAMERA_01", "CAMERA_99"), names: &["cal.json", "CAMERA_01", "CAMERA_99"] },
     Spoilt { layout: "dgp", name: "half_a_sweep", file: "point_cloud/LIDAR/1.npz", change: Half, names: &["1.npz", "archive"] },
     Spoilt { layout: "dgp", name: "fields_that_the_sweep_has_not", file: "scene_0.json", change: Text("\"INTENSITY\"", "\"INTENSITY\", \"RING\""), names: &["0.npz", "data", "RING", "shape [4, 4]"] },

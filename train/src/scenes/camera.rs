@@ -61,23 +61,31 @@ pub(crate) struct Exposure<'a> {
     pub(crate) plane: ImagePlane,
 }
 
+/// What is exposed one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lines {
+    /// All pixels at once.
+    One,
+    /// Rows.
+    Rows,
+    /// Columns.
+    Columns,
+}
+
 /// The exposures of an image.
 #[derive(Debug)]
-pub(crate) enum Exposures<'a> {
-    /// All pixels at once.
-    One(Exposure<'a>),
-    /// `[H]` row by row.
-    Rows(Vec<Exposure<'a>>),
-    /// `[W]` column by column.
-    Columns(Vec<Exposure<'a>>),
+pub(crate) struct Exposures<'a> {
+    pub(crate) lines: Lines,
+    /// One for each line.
+    pub(crate) all: Vec<Exposure<'a>>,
 }
 
 impl<'a> Exposures<'a> {
     fn of(&self, x: usize, y: usize) -> &Exposure<'a> {
-        match self {
-            Self::One(exposure) => exposure,
-            Self::Rows(rows) => &rows[y],
-            Self::Columns(columns) => &columns[x],
+        match self.lines {
+            Lines::One => &self.all[0],
+            Lines::Rows => &self.all[y],
+            Lines::Columns => &self.all[x],
         }
     }
 }

@@ -8,7 +8,7 @@ use lgs_formats::{
 };
 
 use super::{
-    camera::{Capture, Exposure, Exposures, ImagePlane, capture},
+    camera::{Capture, Exposure, Exposures, ImagePlane, Lines, capture},
     config::SceneConfig,
     lidar::{Instant, Scan, Scanner},
     maths::rotation_z,
@@ -103,24 +103,18 @@ impl Scene {
             moment: self.world.at(self.config.frame_time(frame) + spec.delay_s + seconds),
             plane: ImagePlane::new(spec, &self.camera_pose(frame, camera, seconds)),
         };
-        let exposures = match spec.readout.filter(|readout| readout.seconds > 0.0) {
-            None => Exposures::One(exposure(0.0)),
+        let (lines, all) = match spec.readout.filter(|readout| readout.seconds > 0.0) {
+            None => (Lines::One, vec![exposure(0.0)]),
             Some(readout) => {
-                let line = |k: usize, of: usize| {
-                    let share = (k as f64 + 0.5) / of as f64;
-                    exposure(readout.moment([share; 2]))
+                let (lines, count) = match readout.direction {
+                    ReadoutDirection::TopToBottom | ReadoutDirection::BottomToTop => (Lines::Rows, spec.height),
+                    ReadoutDirection::LeftToRight | ReadoutDirection::RightToLeft => (Lines::Columns, spec.width),
                 };
-                match readout.direction {
-                    ReadoutDirection::TopToBottom | ReadoutDirection::BottomToTop => {
-                        Exposures::Rows((0..spec.height).map(|k| line(k, spec.height)).collect())
-                    }
-                    ReadoutDirection::LeftToRight | ReadoutDirection::RightToLeft => {
-                        Exposures::Columns((0..spec.width).map(|k| line(k, spec.width)).collect())
-                    }
-                }
+                let line = |k: usize| exposure(readout.moment([(k as f64 + 0.5) / count as f64; 2]));
+                (lines, (0..count).map(line).collect())
             }
         };
-        capture(&exposures, &self.clip_from_world)
+        capture(&Exposures { lines, all }, &self.clip_from_world)
     }
 
     /// The sweep of a frame.

@@ -13,6 +13,7 @@ mod warn;
 
 use std::collections::BTreeMap;
 
+use lgs_formats::camera::Readout;
 use serde::Serialize;
 
 pub(crate) use measure::measure;
@@ -85,7 +86,9 @@ struct CameraReport {
     /// Share of their frame's returns that the images see.
     visible_share: Spread,
     distorted: bool,
+    fisheye: bool,
     masked: bool,
+    readout: Option<Readout>,
     /// What the first of its depth maps says, where it has some.
     depth_maps: Option<&'static str>,
 }

@@ -113,16 +113,39 @@ pub(super) struct IntrinsicsJson {
     pub(super) k3: f64,
     pub(super) p1: f64,
     pub(super) p2: f64,
+    /// 1: a fisheye by `OpenCV`'s model of four coefficients; 0: a pinhole.
+    fisheye: serde_json::Value,
+    k4: f64,
     /// Parameters of other camera models, which must be zero; `fov` follows from the others.
     #[serde(flatten)]
     others: BTreeMap<String, serde_json::Value>,
 }
 
 impl IntrinsicsJson {
-    /// The first parameter of another camera model that is not zero.
-    pub(super) fn unsupported(&self) -> Option<(&str, &serde_json::Value)> {
+    /// The coefficients of a fisheye; `None`: it is a pinhole.
+    pub(super) fn fisheye(&self) -> Option<[f64; 4]> {
+        let is_one = self.fisheye.as_f64() == Some(1.0) || self.fisheye.as_bool() == Some(true);
+        is_one.then_some([self.k1, self.k2, self.k3, self.k4])
+    }
+
+    /// The first parameter of another camera model that is not zero, and what is read.
+    pub(super) fn unsupported(&self) -> Option<(&str, String, &'static str)> {
+        const PINHOLE: &str = "0 (a pinhole with k1, k2, k3, p1, p2)";
+        const FISHEYE: &str = "0 (a fisheye with k1, k2, k3, k4)";
+        let known =
+            |value: &serde_json::Value| value.is_null() || value.as_bool().is_some() || value.as_f64() == Some(0.0);
+        let is_fisheye = self.fisheye().is_some();
+        let read = if is_fisheye { FISHEYE } else { PINHOLE };
+        if !is_fisheye && !known(&self.fisheye) {
+            return Some(("fisheye", self.fisheye.to_string(), "0 (a pinhole) or 1 (a fisheye)"));
+        }
+        let unread = if is_fisheye { [("p1", self.p1), ("p2", self.p2)] } else { [("k4", self.k4), ("k4", self.k4)] };
+        if let Some((key, value)) = unread.into_iter().find(|(_, value)| *value != 0.0) {
+            return Some((key, value.to_string(), read));
+        }
         let used = |value: &serde_json::Value| value.as_f64() != Some(0.0);
-        self.others.iter().find(|(key, value)| *key != "fov" && used(value)).map(|(key, value)| (key.as_str(), value))
+        let other = self.others.iter().find(|(key, value)| *key != "fov" && used(value));
+        other.map(|(key, value)| (key.as_str(), value.to_string(), read))
     }
 }
 

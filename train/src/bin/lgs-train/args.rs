@@ -128,8 +128,8 @@ pub(crate) struct ScenesArgs {
     /// Speed of the vehicle with the sensors, m/s, 0 to 20, less where a clip would be longer than its street [default: drawn from the seed]
     #[arg(long, value_name = "M/S", value_parser = parse_speed)]
     pub(crate) speed: Option<f64>,
-    /// Rolling shutters: seconds from the first line of every image to the last one, 0 to 0.2, and which way they go: top_to_bottom (where
-    /// none is given), bottom_to_top, left_to_right or right_to_left [default: 0, all lines at once]
+    /// Rolling shutters: seconds from the first line of every image to the last one, 0 to 0.2, and which way they go: `top_to_bottom` (where
+    /// none is given), `bottom_to_top`, `left_to_right` or `right_to_left` [default: 0, all lines at once]
     #[arg(long, value_name = "SECONDS[:WAY]", value_parser = parse_readout)]
     pub(crate) readout: Option<Readout>,
     /// Fisheye lenses: horizontal field of view of every camera, degrees, 10 to 220 [default: pinholes]

@@ -93,6 +93,9 @@ fn nearest_inverse(evidence: &[Evidence]) -> f32 {
     nearest.max(NEAREST.0).max((ground * 1.05).min(NEAREST.1))
 }
 
+/// Hypotheses from one place at which the shift by a rolling shutter is worked out to the next.
+const SHIFTED: usize = 8;
+
 /// `source_from_view` of two cameras.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RelativePose {
@@ -143,7 +146,12 @@ impl RelativePose {
 /// The image position of `start + inverse * shift`; its `depth` is that times the inverse depth.
 fn project(start: [f32; 3], shift: [f32; 3], inverse: f32, source: &PinholeView) -> Option<Projected> {
     let point: [f32; 3] = std::array::from_fn(|k| start[k] + inverse * shift[k]);
-    let [x, y, z] = source.shutter.map_or(point, |shutter| shutter.shown(&source.lens(), point, inverse));
+    let moved = source.shutter.map_or([0.0; 3], |shutter| shutter.shift(&source.lens(), point, inverse));
+    seen(std::array::from_fn(|k| point[k] + moved[k]), source)
+}
+
+/// The image position of a point in the camera's axes.
+fn seen([x, y, z]: [f32; 3], source: &PinholeView) -> Option<Projected> {
     let (u, v) = (source.fx * x / z + source.cx, source.fy * y / z + source.cy);
     let inside = z > NEAR && u >= 0.0 && v >= 0.0 && u < source.width as f32 && v < source.height as f32;
     inside.then_some(Projected { u, v, depth: z })
@@ -161,13 +169,28 @@ fn match_along_ray(
     let pose = pose.of_pixel(&level.view.pinhole, pixel, &source.view.pinhole);
     let start = pose.start(&level.view.pinhole, pixel);
     let colour = level.view.colours[pixel].map(f32::from);
+    let camera = &source.view.pinhole;
+    let point =
+        |label: usize| -> [f32; 3] { std::array::from_fn(|k| start[k] + label as f32 * step * pose.translation[k]) };
+    // Along a ray, what a rolling shutter does changes slowly.
+    let shift =
+        |label: usize| camera.shutter.map(|shutter| shutter.shift(&camera.lens(), point(label), label as f32 * step));
+    let (mut first, mut last) = (None, shift(0));
     for (label, cost) in costs.iter_mut().enumerate() {
-        let here = match project(start, pose.translation, label as f32 * step, &source.view.pinhole) {
+        if label % SHIFTED == 0 {
+            (first, last) = (last, shift(label + SHIFTED));
+        }
+        let share = (label % SHIFTED) as f32 / SHIFTED as f32;
+        let at = point(label);
+        let moved = first
+            .zip(last)
+            .map_or(at, |(a, b): ([f32; 3], [f32; 3])| std::array::from_fn(|k| at[k] + a[k] + share * (b[k] - a[k])));
+        let here = match seen(moved, camera) {
             None => UNSEEN,
             Some(at) => {
                 let other = bilinear(&source.view, at);
                 let gap = (0..3).map(|k| (colour[k] - other[k]).abs()).sum::<f32>() / 3.0;
-                let bits = level.census[pixel] ^ source.census[at.pixel(source.view.pinhole.width)];
+                let bits = level.census[pixel] ^ source.census[at.pixel(camera.width)];
                 gap.min(MAX_DIFFERENCE) + bits.count_ones() as f32
             }
         };

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::Result;
 use glam::DVec3;
 use lgs_formats::{
+    camera::Distortion,
     clip::{CameraRecord, Clip, Compensation, ReturnsRecord},
     clip_dir::ClipDir,
 };
@@ -162,6 +163,8 @@ fn camera(clip: &Clip, swept: &[Swept], name: &str) -> Option<CameraReport> {
     let times: Vec<f64> = records.iter().map(|record| record.camera.timestamp).collect();
     let first = &records.first()?.camera;
     let sizes: BTreeSet<[u32; 2]> = records.iter().map(|r| [r.camera.height, r.camera.width]).collect();
+    let lens =
+        |is: fn(&Distortion) -> bool| records.iter().any(|record| record.camera.distortion.as_ref().is_some_and(is));
     Some(CameraReport {
         name: name.to_owned(),
         sizes: (sizes.len() > 1).then(|| sizes.into_iter().collect()),
@@ -171,7 +174,9 @@ fn camera(clip: &Clip, swept: &[Swept], name: &str) -> Option<CameraReport> {
         rate_hz: rate(&times),
         offset_ms: Spread::of(&offsets),
         visible_share: Spread::of(&shares),
-        distorted: records.iter().any(|record| record.camera.distortion.is_some()),
+        distorted: lens(|lens| matches!(lens, Distortion::BrownConrady(_))),
+        fisheye: lens(|lens| matches!(lens, Distortion::Fisheye(_))),
+        readout: records.iter().find_map(|record| record.camera.readout),
         masked: records.iter().any(|record| record.mask.is_some()),
         depth_maps: records.iter().find_map(|record| record.depth.as_ref()).map(|depth| depth.kind.word()),
     })

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use lgs_formats::camera::ReadoutDirection;
+
 use super::{CameraReport, Report, Returns};
 
 impl fmt::Display for Report {
@@ -81,10 +83,19 @@ fn of_camera(camera: &CameraReport) -> String {
         hertz(camera.rate_hz),
         offset.mean,
     );
-    for (has, word) in [(camera.distorted, ", distorted"), (camera.masked, ", masked")] {
+    for (has, word) in [(camera.distorted, ", distorted"), (camera.fisheye, ", fisheye"), (camera.masked, ", masked")] {
         if has {
             text += word;
         }
+    }
+    if let Some(readout) = camera.readout {
+        let (from, to) = match readout.direction {
+            ReadoutDirection::TopToBottom => ("top", "bottom"),
+            ReadoutDirection::BottomToTop => ("bottom", "top"),
+            ReadoutDirection::LeftToRight => ("left", "right"),
+            ReadoutDirection::RightToLeft => ("right", "left"),
+        };
+        text += &format!(", read out from {from} to {to} in {:.0} ms", readout.seconds * 1e3);
     }
     if let Some(kind) = camera.depth_maps {
         text += &format!(", {kind} depth maps");
