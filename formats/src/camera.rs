@@ -63,6 +63,14 @@ pub struct Readout {
     pub seconds: f64,
     /// Where in the image file the first line is.
     pub direction: ReadoutDirection,
+    /// Seconds after the camera's timestamp, at which its pose is given, at which the middle of the file is exposed.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub middle: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks with a reference")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// The way that a rolling shutter goes over the image file.
@@ -80,7 +88,12 @@ pub enum ReadoutDirection {
 }
 
 impl Readout {
-    /// Seconds after the camera's timestamp, which is that of the middle of the image file, at which a place of the file is exposed.
+    /// Whether anything is exposed at another moment than the camera's timestamp.
+    pub fn is_rolling(&self) -> bool {
+        self.seconds > 0.0 || self.middle != 0.0
+    }
+
+    /// Seconds after the camera's timestamp at which a place of the file is exposed.
     ///
     /// # Shapes
     /// `u` and `v` as shares of the file's width and height.
@@ -91,7 +104,7 @@ impl Readout {
             ReadoutDirection::LeftToRight => u,
             ReadoutDirection::RightToLeft => 1.0 - u,
         };
-        self.seconds * (share.clamp(0.0, 1.0) - 0.5)
+        self.middle + self.seconds * (share.clamp(0.0, 1.0) - 0.5)
     }
 }
 
@@ -100,7 +113,7 @@ impl Readout {
 pub struct Camera {
     /// Name of the sensor, shared by its images of all frames.
     pub name: String,
-    /// Moment of exposure, of the middle of a rolling shutter's readout, seconds, in the clip's own time scale.
+    /// Moment of exposure, of a rolling shutter as `readout` says, seconds, in the clip's own time scale.
     pub timestamp: f64,
     /// Image width, pixels.
     pub width: u32,

@@ -57,6 +57,8 @@ impl Checker<'_> {
     }
 
     fn readout(&self, at: &str, readout: Readout) -> Result<Readout> {
+        let expected = format!("seconds within {MAX_READOUT} of the timestamp");
+        self.within(&format!("{at}.readout.middle"), &expected, readout.middle, MAX_READOUT)?;
         if (0.0..=MAX_READOUT).contains(&readout.seconds) {
             return Ok(readout);
         }

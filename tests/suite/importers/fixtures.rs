@@ -86,6 +86,9 @@ fn is_seen(frame: &Frame, foreign: Foreign, time: f64) -> Outcome {
     };
     let camera = &record.camera;
     let time = time - EARLY;
+    if camera.readout.is_some() != (foreign.layout == "pandaset") {
+        return Err(format!("readout {:?}", camera.readout).into());
+    }
     close("camera timestamp", &[camera.timestamp], &[START + time], absolute(2e-6))?;
     let pose = camera.world_from_camera;
     close("camera position", &pose.translation().to_array(), &world(CAMERA, time), absolute(2e-6))?;

@@ -202,6 +202,7 @@ impl CameraSpec {
         }
         if let Some(readout) = self.readout {
             check(field("readout.seconds"), readout.seconds, Range(0.0, 0.2))?;
+            check(field("readout.middle"), readout.middle, Range(-0.5, 0.5))?;
         }
         check_position(&field("position"), self.position)?;
         check(field("yaw_deg"), self.yaw_deg, Range(-360.0, 360.0))?;

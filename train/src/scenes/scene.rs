@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 use lgs_formats::{
-    camera::{Camera, Distortion, Fisheye, ReadoutDirection},
+    camera::{Camera, Distortion, Fisheye, Readout, ReadoutDirection},
     clip::TrackedBox,
     pose::Pose,
 };
@@ -103,7 +103,7 @@ impl Scene {
             moment: self.world.at(self.config.frame_time(frame) + spec.delay_s + seconds),
             plane: ImagePlane::new(spec, &self.camera_pose(frame, camera, seconds)),
         };
-        let (lines, all) = match spec.readout.filter(|readout| readout.seconds > 0.0) {
+        let (lines, all) = match spec.readout.filter(Readout::is_rolling) {
             None => (Lines::One, vec![exposure(0.0)]),
             Some(readout) => {
                 let (lines, count) = match readout.direction {

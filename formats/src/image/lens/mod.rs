@@ -3,7 +3,7 @@
 mod brown_conrady;
 mod fisheye;
 
-use crate::camera::{Camera, Distortion};
+use crate::camera::{Camera, Distortion, Readout};
 use brown_conrady::BrownConrady;
 use fisheye::FisheyeLens;
 
@@ -56,7 +56,7 @@ impl Lens {
 /// # Formula
 /// The plane that fits the moments of the pixels of the file best (least squares), which is exact where the lens does not bend.
 pub(super) fn moments(camera: &Camera) -> Option<[f64; 3]> {
-    let readout = camera.readout.filter(|readout| readout.seconds > 0.0)?;
+    let readout = camera.readout.filter(Readout::is_rolling)?;
     let Some(lens) = Lens::new(camera) else {
         let at = |u, v| readout.moment([u, v]);
         return Some([at(0.0, 0.0), at(1.0, 0.0) - at(0.0, 0.0), at(0.0, 1.0) - at(0.0, 0.0)]);
@@ -93,7 +93,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        camera::{Fisheye, Intrinsics, Readout, ReadoutDirection},
+        camera::{Fisheye, Intrinsics, ReadoutDirection},
         pose::Pose,
     };
 
@@ -105,7 +105,7 @@ mod tests {
             height: 100,
             intrinsics: Intrinsics { fx: 100.0, fy: 100.0, cx: 100.0, cy: 50.0 },
             distortion,
-            readout: Some(Readout { seconds: 0.04, direction }),
+            readout: Some(Readout { seconds: 0.04, direction, middle: 0.0 }),
             world_from_camera: Pose::IDENTITY,
         }
     }
@@ -126,7 +126,9 @@ mod tests {
             assert!(near, "{bent:?} {want:?}");
         }
         let mut still = camera(TopToBottom, None);
-        still.readout = Some(Readout { seconds: 0.0, direction: TopToBottom });
+        still.readout = Some(Readout { seconds: 0.0, direction: TopToBottom, middle: -0.01 });
+        assert_eq!(moments(&still), Some([-0.01, 0.0, 0.0]));
+        still.readout = Some(Readout { seconds: 0.0, direction: TopToBottom, middle: 0.0 });
         assert_eq!(moments(&still), None);
         still.readout = None;
         assert_eq!(moments(&still), None);

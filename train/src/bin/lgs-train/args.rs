@@ -310,7 +310,7 @@ fn parse_readout(text: &str) -> Result<Readout, String> {
         "right_to_left" => ReadoutDirection::RightToLeft,
         _ => return Err("expected top_to_bottom, bottom_to_top, left_to_right or right_to_left".to_owned()),
     };
-    Ok(Readout { seconds: parse_within(seconds, 0.0..=0.2)?, direction })
+    Ok(Readout { seconds: parse_within(seconds, 0.0..=0.2)?, direction, middle: 0.0 })
 }
 
 fn parse_fisheye(text: &str) -> Result<f64, String> {
