@@ -9,6 +9,9 @@ use crate::{
     pose::Pose,
 };
 
+/// Poses nearer in time than this tell no motion, seconds: their difference is rounding and noise.
+const SAME_MOMENT: f64 = 1e-3;
+
 /// An even motion of a camera around its timestamp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraMotion {
@@ -41,6 +44,9 @@ impl CameraMotion {
     fn through(time: f64, pose: &Pose, others: impl Iterator<Item = (f64, Pose)>) -> Option<Self> {
         let (mut before, mut after) = (None::<(f64, Pose)>, None::<(f64, Pose)>);
         for other in others {
+            if (other.0 - time).abs() < SAME_MOMENT {
+                continue;
+            }
             if other.0 < time && before.is_none_or(|found| found.0 < other.0) {
                 before = Some(other);
             } else if other.0 > time && after.is_none_or(|found| found.0 > other.0) {
@@ -135,5 +141,11 @@ mod tests {
         let mut alone = clip(&[0]);
         alone.frames.truncate(1);
         assert_eq!(CameraMotion::of(&alone, 0, 0), CameraMotion::default());
+        // Two poses of the same moment, nearly, tell nothing.
+        let mut twice = clip(&[0, 1]);
+        twice.frames.truncate(2);
+        twice.frames[1].lidar.timestamp = 1e-300;
+        twice.frames[1].cameras[0].camera.timestamp = 0.02 + 1e-12;
+        assert_eq!(CameraMotion::of(&twice, 0, 0), CameraMotion::default());
     }
 }

@@ -75,7 +75,9 @@ pub(super) fn moments(camera: &Camera) -> Option<[f64; 3]> {
         right += row * readout.moment([x, y]);
     }
     let found = normal.inverse() * right;
-    Some(if found.is_finite() { [found.x - 0.5 * (found.y + found.z), found.y, found.z] } else { [0.0; 3] })
+    // Where no pixel of the file is in the rectified image, all are exposed in the middle.
+    let plane = [found.x - 0.5 * (found.y + found.z), found.y, found.z];
+    Some(if found.is_finite() { plane } else { [readout.middle, 0.0, 0.0] })
 }
 
 /// The point between `low` (positive value) and `high` (value of at most 0) at which the value stops to be positive.

@@ -139,8 +139,8 @@ impl IntrinsicsJson {
         if !is_fisheye && !known(&self.fisheye) {
             return Some(("fisheye", self.fisheye.to_string(), "0 (a pinhole) or 1 (a fisheye)"));
         }
-        let unread = if is_fisheye { [("p1", self.p1), ("p2", self.p2)] } else { [("k4", self.k4), ("k4", self.k4)] };
-        if let Some((key, value)) = unread.into_iter().find(|(_, value)| *value != 0.0) {
+        let unread: &[_] = if is_fisheye { &[("p1", self.p1), ("p2", self.p2)] } else { &[("k4", self.k4)] };
+        if let Some((key, value)) = unread.iter().find(|(_, value)| *value != 0.0) {
             return Some((key, value.to_string(), read));
         }
         let used = |value: &serde_json::Value| value.as_f64() != Some(0.0);

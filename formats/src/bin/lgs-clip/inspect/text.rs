@@ -96,6 +96,9 @@ fn of_camera(camera: &CameraReport) -> String {
             ReadoutDirection::RightToLeft => ("right", "left"),
         };
         text += &format!(", read out from {from} to {to} in {:.0} ms", readout.seconds * 1e3);
+        if readout.middle != 0.0 {
+            text += &format!(", the middle {:+.0} ms after its timestamp", readout.middle * 1e3);
+        }
     }
     if let Some(kind) = camera.depth_maps {
         text += &format!(", {kind} depth maps");
