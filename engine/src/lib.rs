@@ -3,6 +3,7 @@
 //! Modules stand in the order in which data run through them; a module uses those above it only.
 
 pub mod allocator;
+mod cholesky;
 pub mod error;
 pub mod threads;
 
@@ -11,6 +12,8 @@ pub mod ops;
 pub mod views;
 
 pub mod points;
+
+pub mod calibration;
 
 pub mod gaussians;
 

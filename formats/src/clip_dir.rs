@@ -6,6 +6,8 @@ use std::{
     sync::Arc,
 };
 
+use glam::DVec3;
+
 use crate::{
     camera::Distortion,
     clip::{CameraRecord, Clip, LidarRecord, ReturnsRecord},
@@ -13,6 +15,7 @@ use crate::{
     error::{FormatError, Result},
     image::{self, DepthMap, ImageSize, LoadedImage},
     lidar_motion::{self, LidarMotion},
+    pose::Pose,
     read::read_file,
     returns,
     sweep::{self, Sweep},
@@ -115,6 +118,22 @@ impl ClipDir {
     pub fn without_distortion(mut self) -> Self {
         for record in self.clip.frames.iter_mut().flat_map(|frame| &mut frame.cameras) {
             record.camera.distortion = record.camera.distortion.filter(|lens| matches!(lens, Distortion::Fisheye(_)));
+        }
+        self
+    }
+
+    /// The same clip, a camera mounted otherwise: its pose in the axes of the one that is stated.
+    #[must_use]
+    pub fn with_mount(mut self, camera: &str, stated_from_found: &Pose) -> Self {
+        for record in self.clip.frames.iter_mut().flat_map(|frame| &mut frame.cameras) {
+            let own = &mut record.camera;
+            if own.name == camera {
+                own.world_from_camera = own.world_from_camera * *stated_from_found;
+                if let Some(Distortion::Fisheye(lens)) = &mut own.distortion {
+                    let turn = Pose::new(lens.fisheye_from_pinhole, DVec3::ZERO);
+                    lens.world_from_fisheye = own.world_from_camera * turn.inverse();
+                }
+            }
         }
         self
     }

@@ -27,6 +27,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("rig::a_grey_camera_takes_no_colour_away", grey_camera),
         case("rig::a_lens_that_images_know_nothing_of_is_told", stated_lens),
         case("rig::a_lens_that_images_have_stays", real_lens),
+        case("rig::a_camera_that_is_turned_is_told", turned_camera),
         case("rig::a_lidar_may_be_mounted_otherwise", mounted_otherwise),
     ]
 }
@@ -171,6 +172,46 @@ fn real_lens() -> Outcome {
     with_lens(&clip)?;
     let page = metrics_of(&clip, &[])?;
     if page["lenses"].is_null() { Ok(()) } else { Err(format!("the lens was taken away: {}", page["lenses"]).into()) }
+}
+
+/// The second camera turned and moved against what the clip states, then the first, against which all others seem to be wrong.
+fn turned_camera() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let copy = place.path().join("turned");
+    clips::copy(&clips::street(), &copy)?;
+    let [turn, shift] = [DVec3::new(0.004, -0.006, 0.003), DVec3::new(0.02, 0.0, 0.01)];
+    let dir = ClipDir::open(&clips::street())?;
+    let mut poses = dir.clip().frames.iter().flat_map(|frame| &frame.cameras).map(|record| &record.camera);
+    let wrong = Pose::new(DMat3::from_quat(DQuat::from_scaled_axis(turn)), shift);
+    each_camera(&copy, |camera| {
+        if let Some(stated) = poses.next().filter(|stated| stated.name == "front_left") {
+            camera["world_from_camera"] = json!((stated.world_from_camera * wrong).rows());
+        }
+    })?;
+    let plain = metrics_of(&clips::street(), &[])?;
+    if !plain["mounts"].is_null() {
+        return Err(format!("cameras that are where they are stated: {}", plain["mounts"]).into());
+    }
+    let found = metrics_of(&copy, &[])?;
+    let stated = metrics_of(&copy, &["--mounts", "stated"])?;
+    let first = metrics_of(&copy, &["--reference-camera", "front_left"])?;
+    for (page, camera, wanted) in [(&found, "front_left", -turn.y), (&first, "front", turn.y)] {
+        let mount = &page["mounts"]["cameras"][0];
+        if mount["camera"] != json!(camera) || page["mounts"]["cameras"].as_array().map(Vec::len) != Some(1) {
+            return Err(format!("expected {camera} alone, found {}", page["mounts"]).into());
+        }
+        // The axes of the two are turned against each other about y, by which they are told apart best.
+        let about_y = mount["turn"][1].as_f64().ok_or("no turn")?;
+        close(&format!("{camera} about y"), &[about_y], &[wanted], absolute(0.002))?;
+    }
+    for camera in ["front", "front_left"] {
+        let [was, is] = [psnr(&plain, camera)?, psnr(&found, camera)?];
+        if is < was - 0.1 {
+            return Err(format!("{camera}: {was:.2} dB, found {is:.2}").into());
+        }
+    }
+    let [was, lost] = [psnr(&plain, "front_left")?, psnr(&stated, "front_left")?];
+    if lost < was - 0.2 { Ok(()) } else { Err(format!("a turned camera costs nothing: {was:.2} dB, {lost:.2}").into()) }
 }
 
 /// The same returns from a sensor whose own axes are turned: upside down, like a camera's, tilted, rolled.

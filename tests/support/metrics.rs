@@ -27,7 +27,7 @@ const TOP: [&str; 13] = [
     "mean",
 ];
 /// What only some clips have: findings about them.
-const FINDINGS: [&str; 4] = ["lidar_turn", "lenses", "photometry", "dropped_returns"];
+const FINDINGS: [&str; 5] = ["lidar_turn", "lenses", "mounts", "photometry", "dropped_returns"];
 /// What a network adds.
 const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
 const REFINE: [&str; 7] =

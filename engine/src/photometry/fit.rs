@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::observations::{Observation, Observations};
+use crate::cholesky::cholesky;
 
 /// Rounds of re-weighted least squares, at most, and the change of a parameter below which they end.
 const ROUNDS: usize = 40;
@@ -240,24 +241,4 @@ fn step(
     }
     cholesky(&mut system, &mut right);
     right.iter().zip(parameters).map(|(change, value)| value + change).collect()
-}
-
-/// Solves a system of a positive definite matrix `[N, N]`; the solution takes the place of the right side.
-fn cholesky(a: &mut [f64], b: &mut [f64]) {
-    let n = b.len();
-    for j in 0..n {
-        let own = a[j * n + j] - (0..j).map(|k| a[j * n + k].powi(2)).sum::<f64>();
-        let pivot = own.max(f64::MIN_POSITIVE).sqrt();
-        a[j * n + j] = pivot;
-        for i in j + 1..n {
-            let rest = a[i * n + j] - (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum::<f64>();
-            a[i * n + j] = rest / pivot;
-        }
-    }
-    for i in 0..n {
-        b[i] = (b[i] - (0..i).map(|k| a[i * n + k] * b[k]).sum::<f64>()) / a[i * n + i];
-    }
-    for i in (0..n).rev() {
-        b[i] = (b[i] - (i + 1..n).map(|k| a[k * n + i] * b[k]).sum::<f64>()) / a[i * n + i];
-    }
 }

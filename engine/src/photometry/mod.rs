@@ -6,7 +6,6 @@
 
 mod fit;
 mod grey;
-mod lenses;
 mod observations;
 #[cfg(test)]
 mod tests;
@@ -14,7 +13,6 @@ mod tests;
 use serde::{Deserialize, Serialize};
 
 pub use grey::put_aside;
-pub use lenses::{LensFinding, Lenses, with_fitting_lenses};
 
 use crate::views::{Response, View, to_f32};
 use fit::{Fit, Shown, fit};

@@ -4,6 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::moving::MovingShares;
 use crate::{
+    calibration::{LensFinding, Lenses, MountFinding, Mounts},
     densify::{Density, Limit},
     evaluate::ViewFigures,
     gaussians::{
@@ -11,7 +12,7 @@ use crate::{
         background::{MapFit, Mode},
         motion::Motion,
     },
-    photometry::{Colours, LensFinding, Lenses, Photometry},
+    photometry::{Colours, Photometry},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
     points::{Dropped, Turn},
@@ -60,6 +61,9 @@ pub struct Metrics {
     /// What the returns said of the lenses; no key where it is what the clip states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensFinding>,
+    /// The cameras that are mounted otherwise than the clip states.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mounts: Option<MountFinding>,
     /// How the cameras show the scene's colours; no key where these are the images' own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photometry: Option<Photometry>,
@@ -111,6 +115,8 @@ pub struct Config {
     pub motion: Motion,
     /// Which lens distortion was taken.
     pub lenses: Lenses,
+    /// `--mounts`.
+    pub mounts: Mounts,
     /// Whether cameras were to be brought to common colours.
     pub colours: Colours,
     /// The camera whose colours these were to be; `None` for the first.

@@ -5,6 +5,7 @@ use std::{num::NonZeroUsize, path::Path, time::Instant};
 use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
+    calibration::{Believed, Findings, calibrated},
     densify::{DensityMap, Thresholds},
     evaluate::{ViewFigures, copying, lpips::Lpips},
     export::{Shown, stop, to_cloud},
@@ -13,7 +14,7 @@ use lgs_engine::{
         describe::describe,
         source::{ModelSource, config_of},
     },
-    photometry::{Colours, LensFinding, Lenses, Photometry, with_fitting_lenses},
+    photometry::{Colours, Photometry},
     pipeline::{
         Drawing, Figures, Flags, Inputs, NetworkSettings, RenderedView, Stage, Watch, begin, check_memory,
         evaluate_views, optimise,
@@ -64,7 +65,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
-    let (dir, selection, lenses) = watch.time(Stage::Load, |_| selected(args, dir))?;
+    let (dir, selection, found) = watch.time(Stage::Load, |_| selected(args, dir))?;
     let job = Job::new(args, &dir, selection)?;
     check_memory(&dir, &job.selection, Flags::default())?;
 
@@ -115,7 +116,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         optimisation: reconstruction.optimisation,
         depth_maps: reconstruction.depth_maps,
         lidar_turn: reconstruction.turn,
-        lenses,
+        lenses: found.lenses,
+        mounts: found.mounts,
         photometry: inputs.colours().photometry.clone(),
         dropped_returns: Some(reconstruction.dropped).filter(|dropped| dropped.total() > 0),
         stages_s: watch.times,
@@ -158,16 +160,15 @@ fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
 }
 
-/// The clip with its lenses, and the cameras, frames and size that are asked for.
-fn selected(args: &Args, dir: ClipDir) -> Result<(ClipDir, Selection, Option<LensFinding>)> {
+/// The clip with its lenses and mounts, and the cameras, frames and size that are asked for.
+fn selected(args: &Args, dir: ClipDir) -> Result<(ClipDir, Selection, Findings)> {
     let frames = args.frames.as_ref().map(|list| list.0.clone());
     let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
     let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
-    let (dir, lenses) = match args.lenses {
-        Lenses::Auto => with_fitting_lenses(dir, &selection)?,
-        Lenses::Stated => (dir, None),
-    };
-    Ok((dir, selection, lenses))
+    let reference = args.reference_camera.as_deref();
+    let believed = Believed { lenses: args.lenses, mounts: args.mounts, reference };
+    let (dir, found) = calibrated(dir, &selection, believed)?;
+    Ok((dir, selection, found))
 }
 
 /// The settings of a run, checked against its clip.
@@ -285,6 +286,7 @@ impl<'a> Job<'a> {
             coarseness: recipe.coarseness,
             motion: inputs.motion(),
             lenses: self.args.lenses,
+            mounts: self.args.mounts,
             colours: self.args.colours,
             reference_camera: self.args.reference_camera.clone(),
             refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {

@@ -18,8 +18,9 @@ pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
     let dropped = metrics.dropped_returns.and_then(|dropped| dropped.in_words());
     let dropped = dropped.map(|words| format!("returns: {words}"));
     let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
+    let mounts = metrics.mounts.as_ref().map(|found| format!("mounts: {}", found.in_words()));
     let colours = colours.in_words().map(|words| format!("cameras: {words}"));
-    maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(colours).collect()
+    maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(mounts).chain(colours).collect()
 }
 
 /// A page of text: mean figures, counts, times and where the files are.

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::{
+    calibration::{Lenses, Mounts},
     evaluate::ViewFigures,
     gaussians::{Coarseness, background::Mode, motion::Motion},
-    photometry::{Colours, Lenses},
+    photometry::Colours,
     pipeline::{GaussianCounts, StageTimes},
     report::{Config, METRICS_FORMAT, MovingShares, RoleMeans, ViewRecord},
 };
@@ -27,6 +28,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             coarseness: Coarseness::default(),
             motion: Motion::Registered,
             lenses: Lenses::Auto,
+            mounts: Mounts::Auto,
             colours: Colours::Auto,
             reference_camera: None,
             refine_with: None,
@@ -54,6 +56,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         depth_maps: Vec::new(),
         lidar_turn: None,
         lenses: None,
+        mounts: None,
         photometry: None,
         dropped_returns: None,
         stages_s: StageTimes::default(),

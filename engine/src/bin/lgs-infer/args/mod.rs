@@ -8,10 +8,11 @@ use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
+    calibration::{Lenses, Mounts},
     densify::{Density, Limit},
     gaussians::{Coarseness, background::Mode, motion::Motion},
     network::{shipped, source::ModelSource},
-    photometry::{Colours, Lenses},
+    photometry::Colours,
     pipeline::HoldOut,
     plan::{Named, Recipe},
     refine::LineSearch,
@@ -150,11 +151,16 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) lenses: Lenses,
 
+    /// Where the cameras of a rig are mounted against each other: `auto`, where the clip states unless returns that two of them show look alike
+    /// only when they are turned or moved; `stated`
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) mounts: Mounts,
+
     /// Whether cameras that show the same places in other colours are brought to common ones: `auto` or `as-taken`
     #[arg(long, value_enum, default_value_t)]
     pub(crate) colours: Colours,
 
-    /// The camera whose colours these are [default: the first]
+    /// The camera whose colours and mount the others are brought to [default: the first]
     #[arg(long, value_name = "NAME")]
     pub(crate) reference_camera: Option<String>,
 

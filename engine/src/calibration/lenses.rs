@@ -3,20 +3,16 @@
 //! The returns tell. What two images show of the same returns is more alike under the right lens, whether one camera took them one after the
 //! other or two of a rig side by side.
 
-use lgs_formats::{camera::Distortion, clip_dir::ClipDir, image::ImageSize};
+use lgs_formats::{camera::Distortion, clip_dir::ClipDir};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::{cameras_of, correlation};
 use crate::{
-    error::Result,
     points::{self, DepthGrid, PointCloud},
-    views::{ClipFrame, Role, Selection, View, load_views},
+    views::{Selection, View},
 };
 
-/// Frames that are looked at.
-const FRAMES: usize = 5;
-/// Width to which images are reduced by a whole factor, at least, pixels.
-const WIDTH: usize = 640;
 /// Returns that two images must share.
 const SHARED: usize = 200;
 /// What the disagreement without the lenses must be below, a share of that with them ...
@@ -65,57 +61,43 @@ struct Pair {
     unexplained: [f64; 2],
 }
 
-/// The clip, its lens distortion taken away where the input images that `selection` names say that it is not theirs; then with what they say.
-///
-/// # Errors
-/// Whatever is wrong with the selection, an image or a sweep.
-pub fn with_fitting_lenses(dir: ClipDir, selection: &Selection) -> Result<(ClipDir, Option<LensFinding>)> {
-    let frames = selection.frames(dir.clip())?.input;
-    let wanted = |name: &str| selection.cameras.as_ref().is_none_or(|names| names.iter().any(|other| other == name));
-    let mut cameras: Vec<String> = Vec::new();
-    let mut size = None;
-    for record in frames.iter().flat_map(|&frame| &dir.clip().frames[frame].cameras) {
-        let camera = &record.camera;
-        let distorted =
-            matches!(camera.distortion, Some(Distortion::BrownConrady(lens)) if lens.iter().any(|&k| k != 0.0));
-        if distorted && wanted(&camera.name) && !cameras.contains(&camera.name) {
-            cameras.push(camera.name.clone());
-            size = size.or(Some([camera.height, camera.width].map(|side| usize::try_from(side).unwrap_or(1))));
-        }
-    }
-    let Some([height, width]) = size else { return Ok((dir, None)) };
-    let factor = (width / WIDTH).max(1);
-    let first = (frames.len().saturating_sub(FRAMES)) / 2;
-    let frames: Vec<usize> = frames.into_iter().skip(first).take(FRAMES).collect();
-    let frame = ClipFrame::of(dir.clip(), frames[0]);
-    let cloud = points::aggregate(&dir, &frames, &frame)?;
-    let small = Selection {
-        cameras: Some(cameras.clone()),
-        frames: Some(frames),
-        hold_out: Vec::new(),
-        image_size: Some(ImageSize { height: (height / factor).max(1), width: width / factor }),
-    };
-    let stated = load_views(&dir, &small, Role::Input, &frame, &|| ())?;
-    let plain = dir.clone().without_distortion();
-    let without = load_views(&plain, &small, Role::Input, &frame, &|| ())?;
-    let pairs = pairs(&cloud, &stated, &without);
+/// The cameras with a stated lens distortion, other than fisheyes.
+pub(super) fn distorted(dir: &ClipDir, frames: &[usize], selection: &Selection) -> Vec<String> {
+    cameras_of(
+        dir,
+        frames,
+        selection,
+        &|_, record| matches!(record.camera.distortion, Some(Distortion::BrownConrady(lens)) if lens.iter().any(|&k| k != 0.0)),
+    )
+}
+
+/// What the returns say of the lenses of `cameras`, whose images are `stated` as the clip has them and `without` distortion, where they say
+/// that the images were rectified before.
+pub(super) fn rectified(
+    cloud: &PointCloud,
+    stated: &[View],
+    without: &[View],
+    cameras: &[String],
+) -> Option<LensFinding> {
+    let own: Vec<usize> = (0..stated.len()).filter(|&k| cameras.contains(&stated[k].camera)).collect();
+    let pairs = pairs(cloud, stated, without, &own);
     let total: f64 = pairs.iter().map(|pair| pair.count).sum();
     let mean = |k: usize| pairs.iter().map(|pair| pair.count * pair.unexplained[k]).sum::<f64>() / total;
     let agreed: f64 = pairs.iter().filter(|p| p.unexplained[1] < p.unexplained[0]).map(|pair| pair.count).sum();
     let unexplained = [mean(0), mean(1)];
     let believed = total > 0.0 && unexplained[1] < LESS * unexplained[0] && agreed >= MOST * total;
-    Ok(if believed { (plain, Some(LensFinding { cameras, unexplained })) } else { (dir, None) })
+    believed.then(|| LensFinding { cameras: cameras.to_vec(), unexplained })
 }
 
-/// Every image with the next of its camera, and with those beside it.
-fn pairs(cloud: &PointCloud, stated: &[View], without: &[View]) -> Vec<Pair> {
-    let next = |i: usize| {
+/// Each of the `own` images with the next of its camera, and with those beside it.
+fn pairs(cloud: &PointCloud, stated: &[View], without: &[View], own: &[usize]) -> Vec<Pair> {
+    let next = |&i: &usize| {
         let later = |&j: &usize| stated[j].camera == stated[i].camera && stated[j].frame > stated[i].frame;
-        (0..stated.len()).filter(later).min_by_key(|&j| stated[j].frame)
+        own.iter().copied().filter(later).min_by_key(|&j| stated[j].frame)
     };
-    let beside = |i: usize| (i + 1..stated.len()).filter(move |&j| stated[j].frame == stated[i].frame);
+    let beside = |&i: &usize| own.iter().copied().filter(move |&j| j > i && stated[j].frame == stated[i].frame);
     let all: Vec<[usize; 2]> =
-        (0..stated.len()).flat_map(|i| next(i).into_iter().chain(beside(i)).map(move |j| [i, j])).collect();
+        own.iter().flat_map(|i| next(i).into_iter().chain(beside(i)).map(move |j| [*i, j])).collect();
     let grid = |view: &View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
     let grids: Vec<DepthGrid> = stated.par_iter().map(grid).collect();
     all.par_iter().filter_map(|&both| pair(cloud, both, [stated, without], &grids)).collect()
@@ -143,13 +125,4 @@ fn pair(cloud: &PointCloud, both: [usize; 2], lenses: [&[View]; 2], grids: &[Dep
     let shared: Vec<[[f64; 2]; 2]> = range(both[0]).filter_map(brightness).collect();
     let unexplained = |lens: usize| 1.0 - correlation(shared.iter().map(|found| found[lens])).powi(2);
     (shared.len() >= SHARED).then(|| Pair { count: shared.len() as f64, unexplained: [unexplained(0), unexplained(1)] })
-}
-
-/// Pearson's correlation of pairs; 0 where one of them is always the same.
-fn correlation(pairs: impl Iterator<Item = [f64; 2]> + Clone) -> f64 {
-    let count = pairs.clone().count() as f64;
-    let mean = [0, 1].map(|k| pairs.clone().map(|pair| pair[k]).sum::<f64>() / count);
-    let moment = |a: usize, b: usize| pairs.clone().map(|pair| (pair[a] - mean[a]) * (pair[b] - mean[b])).sum::<f64>();
-    let scale = (moment(0, 0) * moment(1, 1)).sqrt();
-    if scale > 0.0 { moment(0, 1) / scale } else { 0.0 }
 }
