@@ -80,7 +80,7 @@ fn a_turned_camera_is_found() {
     ];
     assert!(dx.abs() < 3e-4 && dy.abs() < 3e-4 && (found[1][2] - truth[2]).abs() < 3e-4, "{found:?}");
     let share = |changes: &[Change]| unexplained(&pairs, &details, changes, Fold::All, &|_| true).0;
-    assert!(share(&found) < 0.05 * share(&stated), "{} {}", share(&found), share(&stated));
+    assert!(share(&found) < 0.2 * share(&stated), "{} {}", share(&found), share(&stated));
     // Halves agree, and nothing is found where nothing is wrong.
     let halves = [Fold::Even, Fold::Odd].map(|fold| align(&pairs, &details, &stated, &[false, true], fold, 8)[1]);
     assert!(halves[0].iter().zip(halves[1]).all(|(a, b)| (a - b).abs() < 1e-3), "{halves:?}");
