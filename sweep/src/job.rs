@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use lgs_engine::{network::source::LoadedModel, pipeline::Inputs};
-use lgs_formats::{clip_dir::ClipDir, digest::sha256, write::write_atomic};
+use lgs_engine::{network::source::LoadedModel, pipeline::Session};
+use lgs_formats::{digest::sha256, write::write_atomic};
 use lgs_train::ablate::{choice::Choice, record::file_stem, subject::open};
 
 use super::{
-    case::Case,
+    case::{Case, Work, truth},
     error::{Result, SweepError},
     grid::Run,
     machine::Machine,
@@ -83,7 +83,7 @@ pub struct Found {
 /// A clip that is being measured.
 struct Current<'a> {
     index: usize,
-    case: &'a Case<'a>,
+    case: &'a Case,
     file: PathBuf,
     record: ClipRecord,
 }
@@ -118,15 +118,14 @@ impl Job<'_> {
         if self.runs.is_empty() {
             return Err(SweepError::setting("--weights", "weights to try, or steps of --adam", "neither"));
         }
-        let dirs: Vec<ClipDir> = self.clips.iter().map(|choice| Ok(open(choice)?)).collect::<Result<_>>()?;
-        let cases: Vec<Case<'_>> =
-            dirs.iter().zip(&self.clips).map(|(dir, choice)| Case::new(dir, choice)).collect::<Result<_>>()?;
+        let case = |choice| Case::new(open(choice)?, choice);
+        let cases: Vec<Case> = self.clips.iter().map(case).collect::<Result<_>>()?;
         let folders = Folders::make(&self.out)?;
         let settings: Vec<Setting> = self.runs.iter().flat_map(|run| run.settings.clone()).collect();
         let (mut records, mut found) = (Vec::new(), Found::default());
-        for (index, (dir, case)) in dirs.iter().zip(&cases).enumerate() {
-            observer.begin(&dir.clip().name);
-            let mut current = self.current(index, dir, case, &folders)?;
+        for (index, case) in cases.iter().enumerate() {
+            observer.begin(&case.clip().name);
+            let mut current = self.current(index, case, &folders)?;
             self.judge_all(&mut current, &folders, &mut found.failed, observer)?;
             self.time_all(&mut current, &mut found.failed, observer)?;
             self.spend_all(&mut current, &mut found.failed, observer)?;
@@ -136,8 +135,8 @@ impl Job<'_> {
         Ok(found)
     }
 
-    fn current<'c>(&self, index: usize, dir: &ClipDir, case: &'c Case<'c>, folders: &Folders) -> Result<Current<'c>> {
-        let clip = dir.clip();
+    fn current<'c>(&self, index: usize, case: &'c Case, folders: &Folders) -> Result<Current<'c>> {
+        let clip = case.clip();
         let causes = Causes {
             format: CLIP_FORMAT.to_owned(),
             source: clip.source.clone(),
@@ -152,12 +151,12 @@ impl Job<'_> {
             record.sessions += 1;
             return Ok(Current { index, case, file, record });
         }
-        let truth = match case.truth()? {
+        let (session, load_s) = case.open()?;
+        let truth = match truth(&session)? {
             Some(crop) => Some(put_crop(folders, &format!("{stem}_truth.jpg"), &crop.jpeg()?)?),
             None => None,
         };
-        let (inputs, load_s) = case.inputs()?;
-        let work = case.work(&inputs)?;
+        let work = Work::of(&session)?;
         let (clip, load_s) = (clip.name.clone(), Some(load_s));
         let record =
             ClipRecord { causes, clip, work, load_s, truth, sessions: 1, points: Vec::new(), spent: Vec::new() };
@@ -192,19 +191,19 @@ impl Job<'_> {
         let lacks = |record: &ClipRecord, run: &Run, round: usize| {
             run.settings.iter().any(|s| record.point(s).is_some_and(|point| point.repeats.len() <= round))
         };
-        let mut loaded: Option<Inputs<'_>> = None;
+        let mut loaded: Option<Session> = None;
         for round in 0..self.repeats {
             for run in &self.runs {
                 let needed = lacks(&current.record, run, round);
                 if needed {
                     if loaded.is_none() {
-                        let (inputs, load_s) = current.case.inputs()?;
+                        let (session, load_s) = current.case.open()?;
                         current.record.load_s = Some(load_s);
-                        self.warm_up(&self.bench(&inputs), &current.record)?;
-                        loaded = Some(inputs);
+                        self.warm_up(&self.bench(&session), &current.record)?;
+                        loaded = Some(session);
                     }
-                    let Some(inputs) = &loaded else { continue };
-                    match self.bench(inputs).costs(run) {
+                    let Some(session) = &loaded else { continue };
+                    match self.bench(session).costs(run) {
                         Ok(costs) => {
                             for (setting, cost) in run.settings.iter().zip(costs) {
                                 if current.record.num_repeats(setting) <= round {
@@ -242,8 +241,8 @@ impl Job<'_> {
         Ok(())
     }
 
-    fn bench<'b>(&'b self, inputs: &'b Inputs<'b>) -> Bench<'b> {
-        Bench { inputs, models: self.models, seed: self.seed }
+    fn bench<'b>(&'b self, session: &'b Session) -> Bench<'b> {
+        Bench { inputs: session.inputs(), models: self.models, seed: self.seed }
     }
 
     fn warm_up(&self, bench: &Bench<'_>, record: &ClipRecord) -> Result<()> {

@@ -19,7 +19,7 @@ use lgs_train::ablate::record::Means;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    case::{Case, Verdict, Work},
+    case::{Case, Verdict, Work, verdicts},
     error::{Result, SweepError},
     grid::Run,
     setting::{Refine, Setting, Switch},
@@ -29,7 +29,7 @@ use super::{
 #[derive(Clone, Copy, Debug)]
 pub struct Bench<'a> {
     /// What a reconstruction reads.
-    pub inputs: &'a Inputs<'a>,
+    pub inputs: &'a Inputs,
     /// The networks.
     pub models: &'a [LoadedModel],
     /// Seed of everything that is drawn at random.
@@ -244,14 +244,12 @@ pub struct JudgedPoint {
 ///
 /// # Errors
 /// Whatever is wrong with the clip; those of the pipeline; a scene that draws a value that is not finite.
-pub fn judge(case: &Case<'_>, run: &Run, models: &[LoadedModel], seed: u64, lpips: Option<&Lpips>) -> Result<Judged> {
-    let (inputs, _) = case.inputs()?;
-    let made = Bench { inputs: &inputs, models, seed }.scenes(run)?;
-    let work = case.work(&inputs)?;
-    let colours = inputs.colours().clone();
-    drop(inputs);
+pub fn judge(case: &Case, run: &Run, models: &[LoadedModel], seed: u64, lpips: Option<&Lpips>) -> Result<Judged> {
+    let (session, _) = case.open()?;
+    let made = Bench { inputs: session.inputs(), models, seed }.scenes(run)?;
+    let work = Work::of(&session)?;
     let scenes: Vec<&GaussianSet> = made.iter().map(|made| &made.scene).collect();
-    let verdicts = case.judge(&colours, &scenes, lpips)?;
+    let verdicts = verdicts(&session, &scenes, lpips)?;
     let point = |(made, verdict): (&Made, Verdict)| {
         let accuracy =
             Accuracy { figures: verdict.figures, gaussians: made.counts.into(), steps_kept: made.steps_kept };

@@ -1,14 +1,15 @@
 //! From a clip directory to the scene as predicted before the policy, with the views that it is compared with.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use half::f16;
 use lgs_engine::gaussians::{GaussianSet, background::Mode};
 use lgs_engine::network::model::FoldedModel;
-use lgs_engine::pipeline::{Flags, Inputs, Silent, Watch, check_memory, reconstruct};
+use lgs_engine::pipeline::{Flags, Opening, Session, Silent, Watch, reconstruct};
 use lgs_engine::predict::{backbone, predict, query};
 use lgs_engine::render::{Pass, Probes};
-use lgs_engine::views::{ClipFrame, Role, Selection, View, load_views};
+use lgs_engine::views::{Selection, View};
 use lgs_formats::clip_dir::{ClipDir, Needed};
 use lgs_formats::image::ImageSize;
 use lgs_formats::targets::{HalfFeatures, TargetsConfig};
@@ -35,12 +36,10 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
     let dir = ClipDir::open_part(clip, &needed).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
     let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
-    check_memory(&dir, &selection, Flags { images: "--image-size", returns: "CLIPS" })?;
-    let frames = selection.frames(dir.clip())?;
-    let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
-    let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ())?;
-    let inputs = Inputs::new(&dir, &frames, clip_frame, views)?;
-    let mut set = reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
+    let flags = Flags { images: "--image-size", returns: "CLIPS" };
+    let mut watch = Watch::new(&Silent);
+    let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
+    let mut set = reconstruct(session.inputs(), Mode::Auto, None, &mut watch)?.scene;
     let features = match model {
         Some(model) => predict_in_place(&mut set, model, config.with_features)?,
         None if config.with_features => {
@@ -48,7 +47,7 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
         }
         None => None,
     };
-    let views = inputs.into_views();
+    let views = session.into_views();
     Probes::of_set(&set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
     Ok(PredictedScene { set, views, features })
 }

@@ -61,42 +61,43 @@ pub struct Findings {
     pub mounts: Option<MountFinding>,
 }
 
-/// The clip with the lenses and mounts that the input images which `selection` names ask for, and what is otherwise than stated.
+/// What is otherwise than stated, as the input images which `selection` names tell it, and the clip as it is then; `None` where it stays.
 ///
 /// # Errors
 /// Whatever is wrong with the selection, an image or a sweep.
-pub fn calibrated(dir: ClipDir, selection: &Selection, believed: Believed<'_>) -> Result<(ClipDir, Findings)> {
+pub fn calibrated(dir: &ClipDir, selection: &Selection, believed: Believed<'_>) -> Result<(Option<ClipDir>, Findings)> {
     let mut findings = Findings::default();
     let frames = selection.frames(dir.clip())?.input;
     let distorted = match believed.lenses {
-        Lenses::Auto => lenses::distorted(&dir, &frames, selection),
+        Lenses::Auto => lenses::distorted(dir, &frames, selection),
         Lenses::Stated => Vec::new(),
     };
     let separate = match believed.mounts {
-        Mounts::Auto => mounts::separate(&dir, &frames, selection),
+        Mounts::Auto => mounts::separate(dir, &frames, selection),
         Mounts::Stated => Vec::new(),
     };
     let several = separate.len() > 1;
     let compared = |name: &String| distorted.contains(name) || several && separate.contains(name);
-    let cameras = cameras_of(&dir, &frames, selection, &|_, record| compared(&record.camera.name));
-    let Some(sample) = Sample::new(&dir, &cameras, &frames)? else { return Ok((dir, findings)) };
-    let mut views = sample.views(&dir)?;
-    let mut dir = dir;
+    let cameras = cameras_of(dir, &frames, selection, &|_, record| compared(&record.camera.name));
+    let Some(sample) = Sample::new(dir, &cameras, &frames)? else { return Ok((None, findings)) };
+    let mut views = sample.views(dir)?;
+    let mut changed: Option<ClipDir> = None;
     if !distorted.is_empty() {
         let plain = dir.clone().without_distortion();
         let without = sample.views(&plain)?;
         findings.lenses = lenses::rectified(&sample.cloud, &views, &without, &distorted);
         if findings.lenses.is_some() {
-            (dir, views) = (plain, without);
+            (changed, views) = (Some(plain), without);
         }
     }
     if several {
         findings.mounts = mounts::otherwise(&sample.cloud, &views, &separate, believed.reference);
         for mount in findings.mounts.iter().flat_map(|found| &found.cameras) {
-            dir = dir.with_mount(&mount.camera, &mount.stated_from_found());
+            changed =
+                Some(changed.unwrap_or_else(|| dir.clone()).with_mount(&mount.camera, &mount.stated_from_found()));
         }
     }
-    Ok((dir, findings))
+    Ok((changed, findings))
 }
 
 /// The middle input frames of a clip, with small images of some cameras.

@@ -50,6 +50,27 @@ pub struct ViewFigures {
     pub ssim_static: Option<f64>,
 }
 
+impl ViewFigures {
+    /// Means over views, each figure over those that have it.
+    pub fn mean<'a>(views: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let mean_of = |figure: fn(&Self) -> Option<f64>| {
+            let values: Vec<f64> = views.clone().filter_map(figure).collect();
+            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        };
+        Self {
+            psnr: mean_of(|f| f.psnr),
+            psnr_copying: mean_of(|f| f.psnr_copying),
+            ssim: mean_of(|f| f.ssim),
+            lpips: mean_of(|f| f.lpips),
+            dmae: mean_of(|f| f.dmae),
+            psnr_dynamic: mean_of(|f| f.psnr_dynamic),
+            ssim_dynamic: mean_of(|f| f.ssim_dynamic),
+            psnr_static: mean_of(|f| f.psnr_static),
+            ssim_static: mean_of(|f| f.ssim_static),
+        }
+    }
+}
+
 /// Figures of a rendered image against its view, but for [`ViewFigures::psnr_copying`], which needs other views.
 ///
 /// # Shapes

@@ -1,5 +1,7 @@
 //! What a reconstruction may read.
 
+use std::sync::Arc;
+
 use lgs_formats::clip_dir::ClipDir;
 
 use crate::{
@@ -12,8 +14,8 @@ use crate::{
 
 /// The views and sweeps of the input frames of a clip, and of no other frame.
 #[derive(Debug)]
-pub struct Inputs<'a> {
-    dir: &'a ClipDir,
+pub struct Inputs {
+    dir: Arc<ClipDir>,
     frames: Vec<usize>,
     frame: ClipFrame,
     views: Vec<View>,
@@ -22,12 +24,12 @@ pub struct Inputs<'a> {
     aside: Vec<View>,
 }
 
-impl<'a> Inputs<'a> {
+impl Inputs {
     /// The inputs of a reconstruction from `views`, all of which must be input views of input frames.
     ///
     /// # Errors
     /// [`EngineError::Leak`] for a view that is not.
-    pub fn new(dir: &'a ClipDir, frames: &SelectedFrames, frame: ClipFrame, views: Vec<View>) -> Result<Self> {
+    pub fn new(dir: Arc<ClipDir>, frames: &SelectedFrames, frame: ClipFrame, views: Vec<View>) -> Result<Self> {
         let allowed = |view: &View| view.role == Role::Input && frames.input.contains(&view.frame);
         match views.iter().find(|view| !allowed(view)) {
             Some(view) => Err(EngineError::Leak { frame: view.frame }),
@@ -130,7 +132,7 @@ impl<'a> Inputs<'a> {
     /// # Errors
     /// Whatever is wrong with a sweep's file; [`EngineError::Leak`] for a return of another frame.
     pub fn cloud(&self) -> Result<PointCloud> {
-        let cloud = points::aggregate(self.dir, &self.frames, &self.frame)?;
+        let cloud = points::aggregate(&self.dir, &self.frames, &self.frame)?;
         let allowed = |frame: u32| self.frames.iter().any(|&input| u32::try_from(input) == Ok(frame));
         match cloud.frames.chunk_by(|a, b| a == b).map(|run| run[0]).find(|&frame| !allowed(frame)) {
             Some(frame) => Err(EngineError::Leak { frame: frame as usize }),

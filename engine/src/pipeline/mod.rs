@@ -1,7 +1,7 @@
 //! From a clip directory to a scene, its views and their figures: the stages in their order.
 //!
 //! What is held out cannot leak: [`reconstruct`] takes [`Inputs`], which hold views and sweeps of input frames only, and
-//! the images of held-out frames are read after the scene is final.
+//! [`Session::held_out`] reads the images of held-out frames after the scene is final.
 
 mod evaluate;
 mod hold_out;
@@ -9,6 +9,7 @@ mod inputs;
 mod memory;
 mod network;
 mod reconstruct;
+mod session;
 mod stages;
 #[cfg(test)]
 mod tests;
@@ -19,4 +20,5 @@ pub use inputs::Inputs;
 pub use memory::{Flags, Need, check_memory, check_refinement};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
 pub use reconstruct::{Begun, GaussianCounts, OptimiseSettings, Reconstruction, begin, optimise, reconstruct};
+pub use session::{Opening, Session};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

@@ -73,8 +73,8 @@ const POINT_STEPS: usize = 4;
 
 /// A reconstruction that has its initial `LiDAR` Gaussians, and nothing else yet.
 #[derive(Debug)]
-pub struct Begun<'a, 'b> {
-    inputs: &'b Inputs<'a>,
+pub struct Begun<'a> {
+    inputs: &'a Inputs,
     cloud: PointCloud,
     turn: Option<Turn>,
     dropped: Dropped,
@@ -87,7 +87,7 @@ pub struct Begun<'a, 'b> {
 ///
 /// # Errors
 /// Whatever is wrong with the sweep of an input frame.
-pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Begun<'a, 'b>> {
+pub fn begin<'a>(inputs: &'a Inputs, watch: &mut Watch<'_>) -> Result<Begun<'a>> {
     let start = Instant::now();
     let (cloud, turn, dropped, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
         let step = || progress.step(Stage::Points);
@@ -112,7 +112,7 @@ pub fn begin<'a, 'b>(inputs: &'b Inputs<'a>, watch: &mut Watch<'_>) -> Result<Be
     Ok(Begun { inputs, cloud, turn, dropped, movement, scene, start })
 }
 
-impl Begun<'_, '_> {
+impl Begun<'_> {
     /// How many `LiDAR` Gaussians there are.
     pub fn num_points(&self) -> usize {
         self.scene.len()
@@ -185,7 +185,7 @@ impl Begun<'_, '_> {
 /// # Errors
 /// Those of [`begin`] and of [`Begun::finish`].
 pub fn reconstruct(
-    inputs: &Inputs<'_>,
+    inputs: &Inputs,
     settings: impl Into<Start>,
     network: Option<&NetworkSettings<'_>>,
     watch: &mut Watch<'_>,
@@ -226,7 +226,7 @@ impl Reconstruction {
 /// [`EngineError::Setting`] for more Gaussians than there is memory to optimise or to draw them.
 pub fn optimise(
     reconstruction: &mut Reconstruction,
-    inputs: &Inputs<'_>,
+    inputs: &Inputs,
     settings: OptimiseSettings,
     watch: &mut Watch<'_>,
 ) -> Result<()> {

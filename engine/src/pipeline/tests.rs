@@ -1,6 +1,6 @@
 //! The pipeline on a small clip: what is held out changes nothing, and cannot come in.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, sync::Arc};
 
 use glam::{DMat3, DVec3};
 use lgs_formats::{
@@ -67,7 +67,7 @@ fn write_test_clip(root: &Path, shade: fn(u32) -> f32) {
 
 /// A clip of which frame 1 is held out.
 struct Held {
-    dir: ClipDir,
+    dir: Arc<ClipDir>,
     selection: Selection,
     frames: SelectedFrames,
     clip_frame: ClipFrame,
@@ -75,7 +75,7 @@ struct Held {
 
 impl Held {
     fn open(root: &Path) -> Self {
-        let dir = ClipDir::open(root).unwrap();
+        let dir = Arc::new(ClipDir::open(root).unwrap());
         let hold_out = HoldOut::Odd.indices(dir.clip().frames.len(), None).unwrap();
         let selection = Selection { hold_out, ..Selection::default() };
         let frames = selection.frames(dir.clip()).unwrap();
@@ -87,8 +87,8 @@ impl Held {
         load_views(&self.dir, &self.selection, role, &self.clip_frame, &|| ())
     }
 
-    fn inputs(&self, views: Vec<View>) -> Result<Inputs<'_>> {
-        Inputs::new(&self.dir, &self.frames, self.clip_frame, views)
+    fn inputs(&self, views: Vec<View>) -> Result<Inputs> {
+        Inputs::new(Arc::clone(&self.dir), &self.frames, self.clip_frame, views)
     }
 
     fn reconstruct(&self) -> Reconstruction {

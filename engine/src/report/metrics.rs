@@ -179,26 +179,8 @@ pub struct RoleMeans {
 impl RoleMeans {
     /// The means over `views`, each figure over those of a role that have it.
     pub fn of(views: &[ViewRecord]) -> Self {
-        let of_role = |role: Role| views.iter().filter(|view| view.role == role).map(|view| &view.figures).collect();
-        Self { input: mean(of_role(Role::Input)), held_out: mean(of_role(Role::HeldOut)) }
-    }
-}
-
-fn mean(all: Vec<&ViewFigures>) -> ViewFigures {
-    let mean_of = |figure: fn(&ViewFigures) -> Option<f64>| {
-        let values: Vec<f64> = all.iter().filter_map(|figures| figure(figures)).collect();
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-    };
-    ViewFigures {
-        psnr: mean_of(|f| f.psnr),
-        psnr_copying: mean_of(|f| f.psnr_copying),
-        ssim: mean_of(|f| f.ssim),
-        lpips: mean_of(|f| f.lpips),
-        dmae: mean_of(|f| f.dmae),
-        psnr_dynamic: mean_of(|f| f.psnr_dynamic),
-        ssim_dynamic: mean_of(|f| f.ssim_dynamic),
-        psnr_static: mean_of(|f| f.psnr_static),
-        ssim_static: mean_of(|f| f.ssim_static),
+        let of_role = |role: Role| views.iter().filter(move |view| view.role == role).map(|view| &view.figures);
+        Self { input: ViewFigures::mean(of_role(Role::Input)), held_out: ViewFigures::mean(of_role(Role::HeldOut)) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Runs of a clip through the pipeline, as `lgs-infer` goes through it with its defaults: often for time, once for memory and for what
 //! there was to do.
 
-use std::{collections::BTreeMap, time::Instant};
+use std::{collections::BTreeMap, sync::Arc, time::Instant};
 
 use lgs_engine::{
     allocator,
@@ -10,11 +10,11 @@ use lgs_engine::{
     gaussians::{background::Mode, physical::to_physical},
     network::source::LoadedModel,
     pipeline::{
-        Drawing, Figures, Flags, Inputs, Need, NetworkSettings, RenderedView, Silent, Stage, Watch, check_memory,
-        evaluate_views, reconstruct,
+        Drawing, Need, NetworkSettings, Opening, RenderedView, Session, Silent, Stage, Watch, evaluate_views,
+        reconstruct,
     },
     refine::RefineSummary,
-    views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
+    views::View,
 };
 use lgs_formats::clip_dir::ClipDir;
 use serde::{Deserialize, Serialize};
@@ -76,7 +76,7 @@ pub struct Space {
 #[derive(Clone, Copy, Debug)]
 pub struct Bench<'a> {
     /// The clip.
-    pub dir: &'a ClipDir,
+    pub dir: &'a Arc<ClipDir>,
     /// The network; `None` without one.
     pub model: Option<&'a LoadedModel>,
     /// Seed of everything that is drawn at random.
@@ -97,7 +97,6 @@ impl Bench<'_> {
     /// # Errors
     /// A clip that does not fit into the memory; those of the pipeline.
     pub fn times(&self, repeats: usize) -> Result<Times> {
-        check_memory(self.dir, &Selection::default(), Flags::default())?;
         let resident_mb = allocator::peak_rss_mb();
         let first = self.pass(Wanted::Time)?.seconds;
         let peak_rss_mb = allocator::peak_rss_mb();
@@ -113,17 +112,17 @@ impl Bench<'_> {
     /// # Errors
     /// A clip that does not fit into the memory; those of the pipeline.
     pub fn space(&self) -> Result<Space> {
-        check_memory(self.dir, &Selection::default(), Flags::default())?;
         allocator::return_pages();
         let passed = self.pass(Wanted::Memory)?;
-        let (frames, frame) = self.frames()?;
-        let views = self.load(&frame)?;
-        let sizes: Vec<[usize; 2]> = views.iter().map(|view| [view.pinhole.height, view.pinhole.width]).collect();
-        let inputs = Inputs::new(self.dir, &frames, frame, views)?;
+        let mut watch = Watch::new(&Silent);
+        let session = self.open(&mut watch)?;
+        let inputs = session.inputs();
+        let size = |view: &View| [view.pinhole.height, view.pinhole.width];
+        let sizes: Vec<[usize; 2]> = inputs.views().iter().map(size).collect();
         let returns = inputs.cloud()?.len();
-        let initial = reconstruct(&inputs, Mode::default(), None, &mut Watch::new(&Silent))?.scene;
+        let initial = reconstruct(inputs, Mode::default(), None, &mut watch)?.scene;
         let mut work = Work::of(&initial, inputs.views(), self.model.map(|loaded| &loaded.model))?;
-        (work.returns, work.frames) = (returns, frames.input.len());
+        (work.returns, work.frames) = (returns, session.frames().input.len());
         if let Some(refine) = passed.refine {
             work.drawings = refine.losses.len();
             work.steps = refine.steps + usize::from(refine.stopped_early);
@@ -133,29 +132,22 @@ impl Bench<'_> {
         Ok(Space { memory_mb: passed.memory_mb, predicted_mb, work })
     }
 
-    fn frames(&self) -> Result<(SelectedFrames, ClipFrame)> {
-        let frames = Selection::default().frames(self.dir.clip())?;
-        let frame = ClipFrame::of(self.dir.clip(), frames.input.first().copied().unwrap_or(0));
-        Ok((frames, frame))
-    }
-
-    fn load(&self, frame: &ClipFrame) -> Result<Vec<View>> {
-        Ok(load_views(self.dir, &Selection::default(), Role::Input, frame, &|| ())?)
+    fn open(&self, watch: &mut Watch<'_>) -> Result<Session> {
+        Ok(Session::open(Arc::clone(self.dir), Opening::default(), watch)?)
     }
 
     /// One way through the pipeline, from the files to the figures.
     fn pass(&self, wanted: Wanted) -> Result<Passed> {
         let laps = Laps::new(wanted);
         let (mut watch, start) = (Watch::new(&laps), Instant::now());
-        let (frames, frame) = self.frames()?;
-        let views = watch.stage(Stage::Load, 1, |_| self.load(&frame))?;
-        let inputs = Inputs::new(self.dir, &frames, frame, views)?;
-        let made = reconstruct(&inputs, Mode::default(), self.network().as_ref(), &mut watch)?;
+        let session = self.open(&mut watch)?;
+        let made = reconstruct(session.inputs(), Mode::default(), self.network().as_ref(), &mut watch)?;
         let (scene, scores) = (to_physical(&made.scene), made.density.as_ref().map(DensityMap::splats));
         let drawing = Drawing { scene: &scene, scores: scores.as_deref() };
-        let truth = Figures::OfTruth { clip: self.dir.clip(), frame: &frame, lpips: None };
-        let views: Vec<&View> = inputs.views().iter().collect();
-        evaluate_views(drawing, &views, truth, &mut watch, &|_: RenderedView<'_>| -> EngineResult<()> { Ok(()) })?;
+        let views: Vec<&View> = session.inputs().views().iter().collect();
+        evaluate_views(drawing, &views, session.truth(None), &mut watch, &|_: RenderedView<'_>| -> EngineResult<()> {
+            Ok(())
+        })?;
         let total = start.elapsed().as_secs_f64();
         let times = watch.times;
         let found = laps.found();

@@ -1,13 +1,14 @@
 //! Small clips, scenes and views that the cases spoil.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use lgs_engine::gaussians::background::Mode;
 use lgs_engine::gaussians::physical::{Splat, SplatGradient, to_physical};
 use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, MEAN, NUM_ATTRIBUTES, QUAT};
-use lgs_engine::pipeline::{Inputs, Reconstruction, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Opening, Reconstruction, Session, Silent, Watch, reconstruct};
 use lgs_engine::render::{ImageGradient, Rendered, backward, render, render_for_gradient};
-use lgs_engine::views::{ClipFrame, DepthSample, PinholeView, Role, Selection, View, load_views};
+use lgs_engine::views::{DepthSample, PinholeView, Role, Selection, View};
 use lgs_formats::camera::{Camera, Intrinsics};
 use lgs_formats::clip::{CameraRecord, Clip, Frame, LidarRecord};
 use lgs_formats::clip_dir::{ClipDir, write_clip};
@@ -83,12 +84,10 @@ pub(super) struct Reconstructed {
 pub(super) fn reconstructed(root: &Path, image_size: Option<ImageSize>) -> Result<Reconstructed, Failed> {
     let dir = ClipDir::open(root).map_err(failed)?;
     let selection = Selection { image_size, ..Selection::default() };
-    let frames = selection.frames(dir.clip()).map_err(failed)?;
-    let clip_frame = ClipFrame::of(dir.clip(), 0);
-    let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ()).map_err(failed)?;
-    let inputs = Inputs::new(&dir, &frames, clip_frame, views).map_err(failed)?;
-    let made: Reconstruction = reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent)).map_err(failed)?;
-    let views = inputs.into_views();
+    let mut watch = Watch::new(&Silent);
+    let session = Session::open(Arc::new(dir), Opening::of(selection), &mut watch).map_err(failed)?;
+    let made: Reconstruction = reconstruct(session.inputs(), Mode::Auto, None, &mut watch).map_err(failed)?;
+    let views = session.into_views();
     let splats = to_physical(&made.scene);
     let images = views.iter().map(|view| render(&splats, &view.pinhole, [0.0; 3])).collect();
     made.scene.check_finite().map_err(failed)?;

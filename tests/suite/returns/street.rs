@@ -2,13 +2,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DVec3;
 use lgs_engine::gaussians::{Coarseness, GaussianSet, Start, background::Mode};
-use lgs_engine::pipeline::{Inputs, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Opening, Session, Silent, Watch, reconstruct};
 use lgs_engine::points::PointCloud;
 use lgs_engine::predict::other_time_neighbours;
-use lgs_engine::views::{ClipFrame, Role, Selection, load_views};
 use lgs_formats::clip_dir::ClipDir;
 use lgs_formats::sweep::{read_sweep, write_sweep};
 use lgs_tests::process::{binary, run};
@@ -120,14 +120,11 @@ fn compensated(clip: &Path) -> Result<PathBuf, Failed> {
 
 /// The initial scene of a clip with a Gaussian for each return that a camera sees, and its cloud.
 fn initial(clip: &Path) -> Result<(GaussianSet, PointCloud), Failed> {
-    let (dir, selection) = (ClipDir::open(clip)?, Selection::default());
-    let frames = selection.frames(dir.clip())?;
-    let clip_frame = ClipFrame::of(dir.clip(), 0);
-    let views = load_views(&dir, &selection, Role::Input, &clip_frame, &|| ())?;
-    let inputs = Inputs::new(&dir, &frames, clip_frame, views)?;
+    let mut watch = Watch::new(&Silent);
+    let session = Session::open(Arc::new(ClipDir::open(clip)?), Opening::default(), &mut watch)?;
     let start = Start { background: Mode::Off, coarseness: Coarseness::FINEST };
-    let made = reconstruct(&inputs, start, None, &mut Watch::new(&Silent))?;
-    Ok((made.scene, inputs.cloud()?))
+    let made = reconstruct(session.inputs(), start, None, &mut watch)?;
+    Ok((made.scene, session.inputs().cloud()?))
 }
 
 fn compensated_or_not() -> Outcome {

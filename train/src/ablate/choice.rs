@@ -2,8 +2,13 @@
 
 use std::{path::PathBuf, str::FromStr};
 
-use lgs_engine::{gaussians::motion::Motion, pipeline::HoldOut};
-use lgs_formats::image::ImageSize;
+use lgs_engine::{
+    error::EngineError,
+    gaussians::motion::Motion,
+    pipeline::{HoldOut, Opening},
+    views::Selection,
+};
+use lgs_formats::{clip::Clip, image::ImageSize};
 use serde::{Deserialize, Serialize};
 
 /// A clip and how it is read.
@@ -55,6 +60,23 @@ impl Choice {
             num_cameras: None,
             motion: Motion::default(),
         }
+    }
+
+    /// How its clip is opened.
+    ///
+    /// # Errors
+    /// Frames that the clip does not have.
+    pub fn opening(&self, clip: &Clip) -> Result<Opening, EngineError> {
+        let num_frames = clip.frames.len().min(self.num_frames.unwrap_or(usize::MAX));
+        let chosen: Vec<usize> = (0..num_frames).collect();
+        let hold_out = self.hold_out.indices(num_frames, Some(&chosen))?;
+        let first_cameras = |count: usize| {
+            let records = clip.frames.first().map(|frame| frame.cameras.as_slice()).unwrap_or_default();
+            records.iter().take(count).map(|record| record.camera.name.clone()).collect()
+        };
+        let cameras = self.cameras.clone().or_else(|| self.num_cameras.map(first_cameras));
+        let selection = Selection { cameras, frames: Some(chosen), hold_out, image_size: self.image_size };
+        Ok(Opening { motion: self.motion, ..Opening::of(selection) })
     }
 
     /// What is recorded of it.

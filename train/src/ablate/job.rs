@@ -143,7 +143,7 @@ impl Job<'_> {
             return Ok(record);
         }
         observer.begin(&choice.dir, false);
-        let subject = Subject::load(&dir, choice, self.lpips.as_ref().map(|lpips| lpips.value))?;
+        let subject = Subject::load(dir, choice, self.lpips.as_ref().map(|lpips| lpips.value))?;
         let mut told = 0;
         let record = measure(&subject, self.model.value, causes, &mut |steps| {
             told += steps;

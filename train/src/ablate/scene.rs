@@ -85,7 +85,7 @@ pub fn measure(
     let velocity = bench.velocity(policy_skipped.is_some().then_some([&main.scene, &refined]), told)?;
     Ok(ClipRecord {
         causes,
-        clip: subject.clip().name.clone(),
+        clip: subject.session().clip().name.clone(),
         views: subject.num_views(),
         gaussians: [bench.start.num_lidar, bench.start.len() - bench.start.num_lidar],
         start: subject.figures(&bench.start)?.into(),
@@ -201,10 +201,10 @@ impl Bench<'_> {
         scenes: Option<[&GaussianSet; 2]>,
         told: &mut dyn FnMut(u64),
     ) -> Result<Option<[crate::velocity::VelocityErrors; 2]>> {
-        let (clip, frames) = (self.subject.clip(), self.subject.frames());
+        let (clip, frames) = (self.subject.session().clip(), self.subject.session().frames());
         // The truth may know what is held out.
         let known: Vec<usize> = (0..clip.frames.len()).collect();
-        let truth = TrueVelocities::of(clip, self.subject.frame(), &frames.input, &known, &self.start);
+        let truth = TrueVelocities::of(clip, self.subject.session().clip_frame(), &frames.input, &known, &self.start);
         let Some(truth) = truth else { return Ok(None) };
         if let Some(scenes) = scenes {
             return Ok(Some(scenes.map(|scene| truth.errors(scene))));

@@ -1,12 +1,11 @@
 //! Clips that training reads, and the frames of them that it may.
 
-use std::path::{Path, PathBuf};
-
-use lgs_engine::{
-    error::EngineError,
-    pipeline::HoldOut,
-    views::{Role, Selection},
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
 };
+
+use lgs_engine::{error::EngineError, pipeline::HoldOut, views::Selection};
 use lgs_formats::{clip_dir::ClipDir, error::FormatError, image::ImageSize};
 
 use crate::{
@@ -25,7 +24,7 @@ const SCALES: [f64; 2] = [0.45, 0.8];
 /// A clip and the frames of it that training may read.
 #[derive(Debug)]
 pub struct TrainingClip {
-    dir: ClipDir,
+    dir: Arc<ClipDir>,
     allowed: Vec<usize>,
 }
 
@@ -42,7 +41,7 @@ impl TrainingClip {
     /// # Errors
     /// Whatever is wrong with the clip; a rule that no frame meets, or that leaves no frame.
     pub fn open(dir: &Path, hold_out: &HoldOut) -> Result<Self> {
-        let dir = ClipDir::open(dir)?;
+        let dir = Arc::new(ClipDir::open(dir)?);
         let num_frames = dir.clip().frames.len();
         let held_out = hold_out.indices(num_frames, None)?;
         let selection = Selection { hold_out: held_out, ..Selection::default() };
@@ -97,7 +96,7 @@ impl TrainingClip {
 
 impl Draw<'_> {
     /// The clip's directory.
-    pub fn dir(&self) -> &ClipDir {
+    pub fn dir(&self) -> &Arc<ClipDir> {
         &self.clip.dir
     }
 
@@ -110,9 +109,6 @@ impl Draw<'_> {
     pub fn selection(&self) -> &Selection {
         &self.selection
     }
-
-    /// The role of the views that the loss alone reads.
-    pub const TARGETS: Role = Role::HeldOut;
 }
 
 /// The clip directories at `path`: itself, or those in it, in the order of their names.

@@ -1,9 +1,11 @@
 //! What one step is computed from: input views, target views, the initial Gaussians.
 
+use std::sync::Arc;
+
 use lgs_engine::{
     gaussians::{Coarseness, GaussianSet, Start},
-    pipeline::{Flags, Inputs, Silent, Watch, check_memory, check_refinement, reconstruct},
-    views::{ClipFrame, Role, View, load_views},
+    pipeline::{Flags, Opening, Session, Silent, Watch, check_refinement, reconstruct},
+    views::{ClipFrame, View},
 };
 use lgs_formats::pose::Pose;
 
@@ -57,29 +59,35 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     let mut dice = Dice::new(settings.seed, step);
     let clip = &clips[dice.index(clips.len())];
     let draw = clip.draw(&mut dice, settings.max_views)?;
-    check_memory(draw.dir(), draw.selection(), VIEWS)?;
-    let frame = clip_frame(&draw, &mut dice)?;
-    let load = |role: Role| load_views(draw.dir(), draw.selection(), role, &frame, &|| ());
-    let (mut inputs, mut targets) = (load(Role::Input)?, load(Draw::TARGETS)?);
-    let light = Light::draw(&mut dice);
-    let window = inputs.first().map(|view| {
-        let size = [view.pinhole.height, view.pinhole.width];
-        Window::draw(&mut dice, size, settings.crop)
-    });
-    for view in inputs.iter_mut().chain(&mut targets) {
-        if let Some(window) = window {
-            *view = window.of(view);
+    let (frame, mut watch) = (clip_frame(&draw, &mut dice)?, Watch::new(&Silent));
+    let opening = Opening { clip_frame: Some(frame), flags: VIEWS, ..Opening::of(draw.selection().clone()) };
+    let mut changed = None;
+    let session = Session::open_changed(Arc::clone(draw.dir()), opening.as_stated(), &mut watch, |inputs| {
+        let light = Light::draw(&mut dice);
+        let window = inputs.first().map(|view| {
+            let size = [view.pinhole.height, view.pinhole.width];
+            Window::draw(&mut dice, size, settings.crop)
+        });
+        let change = move |view: &mut View| {
+            if let Some(window) = window {
+                *view = window.of(view);
+            }
+            light.apply(view);
+        };
+        inputs.iter_mut().for_each(change);
+        if settings.noise > 0.0 {
+            add_noise(inputs, settings.noise, &mut dice);
         }
-        light.apply(view);
+        changed = Some(change);
+    })?;
+    let mut targets = session.held_out(&mut watch)?;
+    if let Some(change) = changed {
+        targets.iter_mut().for_each(change);
     }
-    if settings.noise > 0.0 {
-        add_noise(&mut inputs, settings.noise, &mut dice);
-    }
-    let frames = draw.selection().frames(draw.dir().clip())?;
-    let start = Inputs::new(draw.dir(), &frames, frame, inputs)?;
+    let frames = session.frames().clone();
     let begun = Start { coarseness: coarseness(&mut dice), ..Start::default() };
-    let mut scene = reconstruct(&start, begun, None, &mut Watch::new(&Silent))?.scene;
-    let mut inputs = start.into_views();
+    let mut scene = reconstruct(session.inputs(), begun, None, &mut watch)?.scene;
+    let mut inputs = session.into_views();
     let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
         .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))
         .flatten();

@@ -1,17 +1,15 @@
 //! What a model is worth on held-out views of clips that training does not read, by the exact path of inference.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use lgs_engine::{
     densify::{Scores, apply, decide},
-    evaluate::psnr::psnr,
-    gaussians::{GaussianSet, background::Mode, physical::to_physical},
+    gaussians::{GaussianSet, background::Mode},
     network::model::FoldedModel,
-    pipeline::{Flags, HoldOut, Inputs, Silent, Watch, check_memory, reconstruct},
+    pipeline::{Flags, HoldOut, Opening, Session, Silent, Watch, reconstruct},
     predict::{backbone, predict, query, scores},
     refine::refine,
-    render::render,
-    views::{ClipFrame, Role, Selection, View, load_views},
+    views::{Selection, View},
 };
 use lgs_formats::{clip_dir::ClipDir, image::ImageSize};
 
@@ -24,7 +22,7 @@ pub struct ValidationClip {
     /// What tells it from others.
     pub identity: String,
     start: GaussianSet,
-    inputs: Vec<View>,
+    session: Session,
     held_out: Vec<View>,
 }
 
@@ -47,24 +45,22 @@ impl ValidationClip {
         let frames: Vec<usize> = (0..dir.clip().frames.len().min(num_frames)).collect();
         let hold_out = HoldOut::Odd.indices(dir.clip().frames.len(), Some(&frames))?;
         let selection = Selection { frames: Some(frames), hold_out, image_size, cameras: None };
-        check_memory(&dir, &selection, Flags { images: "--validation-size", returns: "--validation" })?;
-        let frames = selection.frames(dir.clip())?;
-        let frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
-        let load = |role| load_views(&dir, &selection, role, &frame, &|| ());
-        let (inputs, held_out) = (load(Role::Input)?, load(Role::HeldOut)?);
-        let inputs = Inputs::new(&dir, &frames, frame, inputs)?;
-        let start = reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent))?.scene;
-        let identity = format!("{} ({})", dir.clip().name, dir.clip().source);
-        Ok(Self { identity, start, inputs: inputs.into_views(), held_out })
+        let flags = Flags { images: "--validation-size", returns: "--validation" };
+        let mut watch = Watch::new(&Silent);
+        let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
+        let start = reconstruct(session.inputs(), Mode::Auto, None, &mut watch)?.scene;
+        let held_out = session.held_out(&mut watch)?;
+        let identity = format!("{} ({})", session.clip().name, session.clip().source);
+        Ok(Self { identity, start, session, held_out })
     }
 
     /// The score of a model, its policy's decisions applied where there are any.
     ///
     /// # Errors
-    /// When a position leaves the voxel grid.
+    /// When a position leaves the voxel grid, or a scene draws a value that is not finite.
     pub fn score(&self, model: &FoldedModel, refine_steps: usize, update: Option<SetUpdate>) -> Result<Score> {
         let mut set = self.start.clone();
-        let start = self.psnr(&set);
+        let start = self.psnr(&set)?;
         let mut features = backbone(&set, model)?;
         query(&mut features, &set, model)?;
         predict(&mut set, &mut features, model)?;
@@ -73,23 +69,17 @@ impl ValidationClip {
         {
             set = apply(&set, &decide(&Scores { prune, add }, thresholds, limit)?, 0)?;
         }
-        let mut after = vec![self.psnr(&set)];
-        let views: Vec<&View> = self.inputs.iter().collect();
+        let mut after = vec![self.psnr(&set)?];
+        let views: Vec<&View> = self.session.inputs().views().iter().collect();
         for _ in 0..refine_steps {
             refine(&mut set, &views, model, 1, || ())?;
-            after.push(self.psnr(&set));
+            after.push(self.psnr(&set)?);
         }
         Ok(Score { start, after })
     }
 
-    fn psnr(&self, set: &GaussianSet) -> f64 {
-        let splats = to_physical(set);
-        let of = |view: &View| {
-            let drawn: Vec<f32> =
-                render(&splats, &view.pinhole, [0.0; 3]).rgb.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-            psnr(&drawn, &view.image.data)
-        };
-        self.held_out.iter().map(of).sum::<f64>() / self.held_out.len().max(1) as f64
+    fn psnr(&self, set: &GaussianSet) -> Result<f64> {
+        Ok(self.session.mean_figures(set, &self.held_out, None)?.psnr.unwrap_or(0.0))
     }
 }
 

@@ -88,13 +88,7 @@ pub(crate) fn check(args: &Args) -> Result<()> {
 ///
 /// # Errors
 /// Recorded times that cannot be read or have nothing for these weights.
-pub(crate) fn plan(
-    args: &Args,
-    start: Instant,
-    begun: &Begun<'_, '_>,
-    views: &[View],
-    watch: &Watch<'_>,
-) -> Result<Plan> {
+pub(crate) fn plan(args: &Args, start: Instant, begun: &Begun<'_>, views: &[View], watch: &Watch<'_>) -> Result<Plan> {
     let network = args.weights != ModelSource::None;
     let Some(budget_s) = args.time_budget else {
         let base = match args.preset {

@@ -1,11 +1,10 @@
 //! A run: clip in, files out.
 
-use std::{num::NonZeroUsize, path::Path, time::Instant};
+use std::{num::NonZeroUsize, path::Path, sync::Arc, time::Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
-    calibration::{Believed, Findings, calibrated},
     densify::{DensityMap, Thresholds},
     evaluate::{ViewFigures, copying, lpips::Lpips},
     export::{Shown, stop, to_cloud},
@@ -14,18 +13,19 @@ use lgs_engine::{
         describe::describe,
         source::{ModelSource, config_of},
     },
-    photometry::{Colours, Photometry},
+    photometry::Photometry,
     pipeline::{
-        Drawing, Figures, Flags, Inputs, NetworkSettings, RenderedView, Stage, Watch, begin, check_memory,
-        evaluate_views, optimise,
+        Drawing, Figures, NetworkSettings, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views,
+        optimise,
     },
     plan::Recipe,
     refine::Turns,
     report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
-    views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
+    views::{SelectedFrames, Selection, View},
 };
 use lgs_formats::{
+    clip::Clip,
     clip_dir::{ClipDir, Needed},
     digest::sha256,
     exports::num_files,
@@ -65,15 +65,13 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
-    let (dir, selection, found) = watch.time(Stage::Load, |_| selected(args, dir))?;
-    let job = Job::new(args, &dir, selection)?;
-    check_memory(&dir, &job.selection, Flags::default())?;
-
-    let inputs = job.inputs(&mut watch)?;
+    let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
+    let session = opened(args, dir, &mut watch)?;
+    let (job, inputs) = (Job { args, session: &session, lpips }, session.inputs());
     let exports = exports(args, inputs.views())?;
-    let film = Film::plan(args, dir.clip(), &job.clip_frame, inputs.views())?;
+    let film = Film::plan(args, session.clip(), session.clip_frame(), inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
-    let begun = begin(&inputs, &mut watch)?;
+    let begun = begin(inputs, &mut watch)?;
     let mut plan = plan::plan(args, start, &begun, inputs.views(), &watch)?;
     // A limit that a preset asks for is nothing to a model without a policy.
     if args.max_gaussians.is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none()) {
@@ -94,18 +92,18 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let mut reconstruction = begun.finish(recipe.start(), network.as_ref(), &mut watch)?;
     let steps = plan.most_adam_steps();
     if steps > 0 {
-        optimise(&mut reconstruction, &inputs, plan.optimisation(steps, turns), &mut watch)?;
+        optimise(&mut reconstruction, inputs, plan.optimisation(steps, turns), &mut watch)?;
     }
     plan.spent(&reconstruction, start);
-    let shown = job.shown(&inputs);
+    let shown = job.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
-    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &inputs, &mut watch)?;
+    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
         format: METRICS_FORMAT,
-        clip: dir.clip().name.clone(),
-        config: job.config(&inputs, &plan.recipe),
+        clip: session.clip().name.clone(),
+        config: job.config(&plan.recipe),
         budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
@@ -116,8 +114,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         optimisation: reconstruction.optimisation,
         depth_maps: reconstruction.depth_maps,
         lidar_turn: reconstruction.turn,
-        lenses: found.lenses,
-        mounts: found.mounts,
+        lenses: session.findings().lenses.clone(),
+        mounts: session.findings().mounts.clone(),
         photometry: inputs.colours().photometry.clone(),
         dropped_returns: Some(reconstruction.dropped).filter(|dropped| dropped.total() > 0),
         stages_s: watch.times,
@@ -127,9 +125,9 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         views: records,
     };
     let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
-    let report = report(&metrics, &pictures, &dir);
+    let report = report(&metrics, &pictures, session.clip());
     let stops = || inputs.views().iter().map(|view| stop(view, shown)).collect::<Vec<_>>();
-    let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &dir.clip().name));
+    let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &session.clip().name));
     let viewer = viewer.as_deref();
     if let Some(film) = &film {
         let plain = inputs.colours().photometry.as_ref().map(Photometry::plain);
@@ -160,25 +158,27 @@ fn exports(args: &Args, views: &[View]) -> Result<Exports> {
     Ok(Exports { plain, moment: args.at_time.unwrap_or(0.0), span, sequence, stg, spz })
 }
 
-/// The clip with its lenses and mounts, and the cameras, frames and size that are asked for.
-fn selected(args: &Args, dir: ClipDir) -> Result<(ClipDir, Selection, Findings)> {
+/// The clip, opened as it is asked for.
+fn opened(args: &Args, dir: ClipDir, watch: &mut Watch<'_>) -> Result<Session> {
     let frames = args.frames.as_ref().map(|list| list.0.clone());
     let hold_out = args.hold_out.indices(dir.clip().frames.len(), frames.as_deref())?;
-    let selection = Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size };
-    let reference = args.reference_camera.as_deref();
-    let believed = Believed { lenses: args.lenses, mounts: args.mounts, reference };
-    let (dir, found) = calibrated(dir, &selection, believed)?;
-    Ok((dir, selection, found))
+    let opening = Opening {
+        selection: Selection { cameras: args.cameras.clone(), frames, hold_out, image_size: args.image_size },
+        motion: args.motion,
+        lenses: args.lenses,
+        mounts: args.mounts,
+        colours: args.colours,
+        reference_camera: args.reference_camera.clone(),
+        ..Opening::default()
+    };
+    Ok(Session::open(Arc::new(dir), opening, watch)?)
 }
 
-/// The settings of a run, checked against its clip.
+/// A run of an opened clip.
 #[derive(Debug)]
 struct Job<'a> {
     args: &'a Args,
-    dir: &'a ClipDir,
-    selection: Selection,
-    frames: SelectedFrames,
-    clip_frame: ClipFrame,
+    session: &'a Session,
     lpips: Option<PerceptualDistance>,
 }
 
@@ -189,44 +189,15 @@ struct PerceptualDistance {
     sha256: String,
 }
 
-impl<'a> Job<'a> {
-    fn new(args: &'a Args, dir: &'a ClipDir, selection: Selection) -> Result<Self> {
-        let frames = selection.frames(dir.clip())?;
-        let clip_frame = ClipFrame::of(dir.clip(), frames.input.first().copied().unwrap_or(0));
-        let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
-        Ok(Self { args, dir, selection, frames, clip_frame, lpips })
-    }
-
-    /// What the reconstruction reads.
-    fn inputs(&self, watch: &mut Watch<'_>) -> Result<Inputs<'a>> {
-        let views = self.load(Role::Input, watch)?;
-        let inputs = Inputs::new(self.dir, &self.frames, self.clip_frame, views)?.with_motion(self.args.motion);
-        let reference = self.args.reference_camera.as_deref();
-        if let Some(name) = reference.filter(|&name| inputs.views().iter().all(|view| view.camera != name)) {
-            bail!("--reference-camera: expected a camera with input images, found {name}");
-        }
-        Ok(match self.args.colours {
-            Colours::Auto => watch.time(Stage::Load, |_| inputs.with_common_colours(reference)),
-            Colours::AsTaken => inputs,
-        })
-    }
-
+impl Job<'_> {
     /// In which colours and axes files hold the scene.
-    fn shown(&self, inputs: &Inputs<'_>) -> Shown {
-        let first = self.frames.input.first().copied().unwrap_or(0);
+    fn shown(&self) -> Shown {
+        let first = self.session.frames().input.first().copied().unwrap_or(0);
+        let photometry = self.session.inputs().colours().photometry.as_ref();
         Shown {
-            brightness: inputs.colours().photometry.as_ref().map_or(1.0, |photometry| photometry.brightness),
-            turn: self.clip_frame.lidar_from_clip(self.dir.clip(), first),
+            brightness: photometry.map_or(1.0, |photometry| photometry.brightness),
+            turn: self.session.clip_frame().lidar_from_clip(self.session.clip(), first),
         }
-    }
-
-    /// The views of one role.
-    fn load(&self, role: Role, watch: &mut Watch<'_>) -> Result<Vec<View>> {
-        let num_images = self.selection.num_images(self.dir.clip(), role)?;
-        let views = watch.stage(Stage::Load, num_images, |progress| {
-            load_views(self.dir, &self.selection, role, &self.clip_frame, &|| progress.step(Stage::Load))
-        })?;
-        Ok(views)
     }
 
     /// Figures and pictures of the views that are wanted, frame by frame. Here, where the scene is final, the held-out
@@ -234,14 +205,13 @@ impl<'a> Job<'a> {
     fn draw(
         &self,
         (scene, density): (&GaussianSet, Option<&DensityMap>),
-        inputs: &Inputs<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<(ViewRecord, ViewPictures)>> {
         if self.args.views == ViewsArg::None {
             return Ok(Vec::new());
         }
-        let mut held_out = self.load(Role::HeldOut, watch)?;
-        inputs.colours().apply(&mut held_out);
+        let inputs = self.session.inputs();
+        let held_out = self.session.held_out(watch)?;
         let all = self.args.views == ViewsArg::All;
         let seen = inputs.views().iter().chain(inputs.aside()).filter(|_| all);
         let figures = self.args.at_time.map_or_else(|| self.figures(), Figures::AtTime);
@@ -264,24 +234,24 @@ impl<'a> Job<'a> {
     }
 
     fn figures(&self) -> Figures<'_> {
-        let lpips = self.lpips.as_ref().map(|distance| &distance.lpips);
-        Figures::OfTruth { clip: self.dir.clip(), frame: &self.clip_frame, lpips }
+        self.session.truth(self.lpips.as_ref().map(|distance| &distance.lpips))
     }
 
-    fn config(&self, inputs: &Inputs<'_>, recipe: &Recipe) -> Config {
+    fn config(&self, recipe: &Recipe) -> Config {
+        let (inputs, SelectedFrames { input, held_out }) = (self.session.inputs(), self.session.frames());
         let mut cameras: Vec<String> = Vec::new();
         for view in inputs.views().iter().chain(inputs.aside()) {
             if !cameras.contains(&view.camera) {
                 cameras.push(view.camera.clone());
             }
         }
-        let mut frames = [self.frames.input.as_slice(), &self.frames.held_out].concat();
+        let mut frames = [input.as_slice(), held_out].concat();
         frames.sort_unstable();
         Config {
             cameras,
-            image_size: self.selection.image_size.map(|size| [size.height, size.width]),
+            image_size: self.args.image_size.map(|size| [size.height, size.width]),
             frames,
-            hold_out: self.frames.held_out.clone(),
+            hold_out: held_out.clone(),
             background: recipe.background,
             coarseness: recipe.coarseness,
             motion: inputs.motion(),
@@ -318,10 +288,9 @@ impl PerceptualDistance {
     }
 }
 
-fn report(metrics: &Metrics, pictures: &[ViewPictures], dir: &ClipDir) -> String {
+fn report(metrics: &Metrics, pictures: &[ViewPictures], clip: &Clip) -> String {
     let views: Vec<PageView> = pictures.iter().map(|pictures| pictures.page.clone()).collect();
     let command: Vec<String> = std::env::args_os().map(|word| quoted(&word.to_string_lossy())).collect();
-    let clip = dir.clip();
     html(&Page { metrics, views: &views, source: &clip.source, licence: &clip.licence, command: &command.join(" ") })
 }
 

@@ -83,9 +83,8 @@ fn judge_one(args: &Args, one: One, networks: &Networks<'_>, grid: &[Run]) -> Re
     let (Some(choice), Some(run)) = (clips.get(one.clip), grid.get(one.run)) else {
         bail!("--one: expected numbers of a clip and of a run, found {}:{}", one.clip, one.run);
     };
-    let dir = open(choice)?;
     let lpips = args.lpips_weights.as_deref().map(Lpips::load).transpose()?;
-    let judged = judge(&Case::new(&dir, choice)?, run, &networks.loaded, args.seed, lpips.as_ref())?;
+    let judged = judge(&Case::new(open(choice)?, choice)?, run, &networks.loaded, args.seed, lpips.as_ref())?;
     Ok(serde_json::to_string(&judged)?)
 }
 

@@ -3,6 +3,7 @@
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use anyhow::{Context, Result, bail};
@@ -48,7 +49,7 @@ pub(crate) fn run(args: &Args, threads: usize, models: &[LoadedModel]) -> Result
     };
     let [repeats, _] = args.rounds();
     let bench = |dir: &Path, answer: &dyn Fn(&Bench<'_>) -> Result<String>| {
-        let dir = ClipDir::open(dir)?;
+        let dir = Arc::new(ClipDir::open(dir)?);
         Ok(answer(&Bench { dir: &dir, model, seed: args.seed })?.into())
     };
     match (&args.scaling.times_of, &args.scaling.space_of) {

@@ -28,12 +28,8 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
         dirs.extend(find(path)?);
     }
     let choices: Vec<_> = dirs.into_iter().take(args.count).map(|dir| args.choice(dir)).collect();
-    let opened = choices.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-    let subjects = opened
-        .iter()
-        .zip(&choices)
-        .map(|(dir, choice)| Subject::load(dir, choice, None))
-        .collect::<Result<Vec<_>, _>>()?;
+    let subject = |choice| Subject::load(open(choice)?, choice, None);
+    let subjects = choices.iter().map(subject).collect::<Result<Vec<_>, _>>()?;
     let (mut starts, mut names) = (Vec::new(), Vec::new());
     for (subject, choice) in subjects.iter().zip(&choices) {
         let mut scene = subject.start()?.scene;
@@ -51,7 +47,10 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
         }
         let recorded = serde_json::to_string(&choice.recorded()).context("encode a choice")?;
         let [inputs, held_out] = subject.num_views();
-        names.push(format!("{} {recorded}: {inputs} input and {held_out} held-out views", subject.clip().name));
+        names.push(format!(
+            "{} {recorded}: {inputs} input and {held_out} held-out views",
+            subject.session().clip().name
+        ));
         starts.push(Start { subject, scene });
     }
     if let Some(loaded) = &model {
