@@ -37,6 +37,8 @@ pub mod evaluate;
 
 pub mod export;
 
+pub mod recipe;
+
 pub mod pipeline;
 
 pub mod plan;

@@ -77,7 +77,7 @@ fn of_runs(mut runs: Vec<&Spent>, rivals: &[Rival], budget_s: f64) -> Option<Bud
 
 #[cfg(test)]
 mod tests {
-    use lgs_engine::plan::Recipe;
+    use lgs_engine::recipe::Recipe;
 
     use super::*;
 

@@ -61,25 +61,24 @@ pub fn csv(tables: &[Table<'_>]) -> String {
 
 fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let network = row.setting.network.as_ref();
-    let of_network = |text: &dyn Fn(&super::setting::Network) -> String| network.map_or(String::new(), text);
-    let refine = row.setting.refine;
+    let (weights, recipe) = (row.setting.weights.as_ref(), &row.setting.recipe);
+    let of_network = |text: String| if recipe.network { text } else { String::new() };
     [
         clip.to_owned(),
         row.name.clone(),
-        of_network(&|network| network.weights.name.clone()),
-        of_network(&|network| network.weights.sha256.clone()),
-        word(&row.setting.background),
-        row.setting.coarseness.to_string(),
-        of_network(&|_| refine.learned.to_string()),
-        refine.adam.to_string(),
-        refine.views.map_or(String::new(), |views| views.to_string()),
-        refine.reduce.to_string(),
-        of_network(&|_| word(&refine.line_search)),
-        of_network(&|network| word(&network.query)),
-        of_network(&|network| word(&network.density)),
-        of_network(&|network| network.theta.to_string()),
-        of_network(&|network| network.max_gaussians.map_or(String::new(), |most| most.to_string())),
+        weights.map_or(String::new(), |weights| weights.name.clone()),
+        weights.map_or(String::new(), |weights| weights.sha256.clone()),
+        word(&recipe.background),
+        recipe.coarseness.to_string(),
+        of_network(recipe.refine_steps.to_string()),
+        recipe.adam_steps.to_string(),
+        recipe.refine_views.map_or(String::new(), |views| views.to_string()),
+        recipe.refine_reduce.to_string(),
+        of_network(word(&recipe.line_search)),
+        of_network(if recipe.query { "on" } else { "off" }.to_owned()),
+        of_network(word(&recipe.density)),
+        of_network(recipe.thresholds.prune.to_string()),
+        of_network(recipe.max_gaussians.map_or(String::new(), |most| most.to_string())),
         row.repeats.to_string(),
         row.seconds.median.to_string(),
         row.seconds.q1.to_string(),

@@ -2,13 +2,24 @@
 
 use std::num::NonZeroUsize;
 
+use clap::ValueEnum;
 use lgs_engine::{
-    densify::{Density, Limit},
+    densify::{Density, Limit, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
+    recipe::Recipe,
     refine::LineSearch,
 };
 
-use super::setting::{Network, Refine, Setting, Switch, THETA, Weights};
+use super::setting::{Setting, Weights};
+
+/// Whether a part runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Switch {
+    /// It does.
+    On,
+    /// It does not.
+    Off,
+}
 
 /// What is tried along each axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,12 +96,14 @@ pub fn runs_of(grids: &[Axes], models: &[Parts]) -> Vec<Run> {
 /// at is not where there is none.
 pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    let mut add = |index: Option<usize>, of: &dyn Fn(Refine) -> Setting, learned: &[usize], adam: &[usize]| {
+    let mut add = |index: Option<usize>, setting: Setting, learned: &[usize], adam: &[usize]| {
         let searches = index.is_some_and(|index| models[index].line_search);
-        for &learned in learned {
-            for line_search in line_searches(axes, searches, learned) {
-                for refines in refinements(axes, (learned, line_search), adam) {
-                    let run = Run { network: index, settings: refines.into_iter().map(of).collect() };
+        for &refine_steps in learned {
+            for line_search in line_searches(axes, searches, refine_steps) {
+                let base = Recipe { refine_steps, line_search, ..setting.recipe };
+                for recipes in refinements(axes, base, adam) {
+                    let of = |recipe| Setting { recipe, ..setting.clone() };
+                    let run = Run { network: index, settings: recipes.into_iter().map(of).collect() };
                     if !run.settings.is_empty() && !runs.contains(&run) {
                         runs.push(run);
                     }
@@ -98,14 +111,15 @@ pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
             }
         }
     };
-    for Start { background, coarseness } in starts(axes) {
+    for start in starts(axes) {
         for (index, model) in models.iter().enumerate() {
-            for network in networks(axes, model) {
-                let of = |refine| Setting { background, coarseness, network: Some(network.clone()), refine };
-                add(Some(index), &of, &axes.refine_steps, &axes.then_adam);
+            for recipe in networks(axes, model, start) {
+                let setting = Setting { weights: Some(model.weights.clone()), recipe };
+                add(Some(index), setting, &axes.refine_steps, &axes.then_adam);
             }
         }
-        add(None, &|refine| Setting { background, coarseness, network: None, refine }, &[0], &axes.adam);
+        let recipe = Recipe { query: false, density: Density::Off, ..Recipe::initial(start) };
+        add(None, Setting { weights: None, recipe }, &[0], &axes.adam);
     }
     runs
 }
@@ -127,17 +141,17 @@ fn line_searches(axes: &Axes, searches: bool, learned: usize) -> Vec<LineSearch>
     axes.line_search.iter().map(of).collect()
 }
 
-/// The refinements after so many learned steps, those of one run together.
-fn refinements(axes: &Axes, (learned, line_search): (usize, LineSearch), adam: &[usize]) -> Vec<Vec<Refine>> {
+/// The recipes with as many learned steps as `base`, those of one run together.
+fn refinements(axes: &Axes, base: Recipe, adam: &[usize]) -> Vec<Vec<Recipe>> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();
     marks.dedup();
-    let whole = Refine { learned, adam: 0, views: None, reduce: 1, line_search };
-    let (mut all, mut unrefined) = (Vec::new(), (learned == 0 && marks.first() == Some(&0)).then_some(whole));
-    for &views in &axes.refine_views {
-        for &reduce in &axes.refine_reduce {
-            let of = |&adam: &usize| Refine { learned, adam, views, reduce, line_search };
-            let (none, some): (Vec<_>, Vec<_>) = marks.iter().map(of).partition(|refine| refine.adam == 0);
+    let learned = base.refine_steps;
+    let (mut all, mut unrefined) = (Vec::new(), (learned == 0 && marks.first() == Some(&0)).then_some(base));
+    for &refine_views in &axes.refine_views {
+        for &refine_reduce in &axes.refine_reduce {
+            let of = |&adam_steps: &usize| Recipe { adam_steps, refine_views, refine_reduce, ..base };
+            let (none, some): (Vec<_>, Vec<_>) = marks.iter().map(of).partition(|recipe| recipe.adam_steps == 0);
             if learned > 0 {
                 all.push(none);
             }
@@ -148,22 +162,23 @@ fn refinements(axes: &Axes, (learned, line_search): (usize, LineSearch), adam: &
 }
 
 /// The ways to use a model that differ.
-fn networks(axes: &Axes, model: &Parts) -> Vec<Network> {
-    let mut found: Vec<Network> = Vec::new();
+fn networks(axes: &Axes, model: &Parts, start: Start) -> Vec<Recipe> {
+    let mut found: Vec<Recipe> = Vec::new();
     for &query in &axes.query {
         for &density in &axes.density {
             for &theta in &axes.theta {
                 for &max_gaussians in &axes.max_gaussians {
                     let acts = model.policy && density != Density::Off;
-                    let network = Network {
-                        weights: model.weights.clone(),
-                        query: if model.query { query } else { Switch::Off },
+                    let recipe = Recipe {
+                        network: true,
+                        query: model.query && query == Switch::On,
                         density: if acts { density } else { Density::Off },
-                        theta: if acts { theta } else { THETA },
+                        thresholds: if acts { Thresholds { prune: theta, add: theta } } else { Thresholds::default() },
                         max_gaussians: max_gaussians.filter(|_| acts),
+                        ..Recipe::initial(start)
                     };
-                    if !found.contains(&network) {
-                        found.push(network);
+                    if !found.contains(&recipe) {
+                        found.push(recipe);
                     }
                 }
             }
@@ -219,7 +234,7 @@ mod tests {
         let coarseness = vec![Coarseness::FINEST, Coarseness::default()];
         let all = runs(&Axes { coarseness: coarseness.clone(), ..axes() }, &[]);
         let found: Vec<(Mode, Coarseness)> =
-            all.iter().map(|run| (run.settings[0].background, run.settings[0].coarseness)).collect();
+            all.iter().map(|run| (run.settings[0].recipe.background, run.settings[0].recipe.coarseness)).collect();
         assert_eq!(found, [Mode::Auto, Mode::Off].map(|mode| [0, 1].map(|k| (mode, coarseness[k]))).concat());
     }
 
@@ -243,12 +258,14 @@ mod tests {
             ..axes()
         };
         let all = runs(&axes, &[model(true, false)]);
-        let of = |reduce, steps: &[[usize; 2]]| -> Vec<Refine> {
-            let line_search = LineSearch::Every;
-            steps.iter().map(|&[learned, adam]| Refine { learned, adam, views: None, reduce, line_search }).collect()
+        let of = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
+            steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
         };
-        let found: Vec<Vec<Refine>> =
-            all.iter().map(|run| run.settings.iter().map(|setting| setting.refine).collect()).collect();
+        let steps = |setting: &Setting| {
+            let Recipe { refine_steps, adam_steps, refine_reduce, .. } = setting.recipe;
+            [refine_steps, adam_steps, refine_reduce]
+        };
+        let found: Vec<Vec<[usize; 3]>> = all.iter().map(|run| run.settings.iter().map(steps).collect()).collect();
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
         let unrefined_first = [of(1, &[[0, 0]]), of(1, &[[0, 10]])].concat();
         let learned = |reduce| [of(reduce, &[[3, 0]]), of(reduce, &[[3, 10]])];

@@ -1,19 +1,14 @@
 //! Runs of a configuration through the pipeline, as `lgs-infer` goes through it: once for what it is worth, often for what it costs.
 
-use std::{borrow::Cow, collections::BTreeMap, time::Instant};
+use std::collections::BTreeMap;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use lgs_engine::{
     allocator,
-    densify::Thresholds,
     evaluate::lpips::Lpips,
     gaussians::GaussianSet,
-    network::source::LoadedModel,
-    pipeline::{
-        GaussianCounts, Inputs, NetworkSettings, Reconstruction, Silent, Stage, StageTimes, Watch, reconstruct,
-    },
-    refine::{RefineSettings, Turns},
-    views::{View, at_factor},
+    network::{model::FoldedModel, source::LoadedModel},
+    pipeline::{self, GaussianCounts, Inputs, Reconstruction, Silent, StageTimes, Watch, begin},
 };
 use lgs_train::ablate::record::Means;
 use serde::{Deserialize, Serialize};
@@ -22,7 +17,7 @@ use super::{
     case::{Case, Verdict, Work, verdicts},
     error::{Result, SweepError},
     grid::Run,
-    setting::{Refine, Setting, Switch},
+    setting::Setting,
 };
 
 /// What configurations are run on.
@@ -133,7 +128,7 @@ impl Bench<'_> {
         let mut short = run.clone();
         short.settings.truncate(1);
         for setting in &mut short.settings {
-            setting.refine.adam = setting.refine.adam.min(1);
+            setting.recipe.adam_steps = setting.recipe.adam_steps.min(1);
         }
         self.pass(&short, &mut |_, _| ())
     }
@@ -141,75 +136,25 @@ impl Bench<'_> {
     /// One way through the pipeline; `show` is given each configuration of the run when it is reached.
     fn pass(&self, run: &Run, show: &mut dyn FnMut(&Reconstruction, &StageTimes)) -> Result<()> {
         let Some(last) = run.settings.last() else { return Ok(()) };
-        let mut watch = Watch::new(&Silent);
-        let network = self.network(run, last)?;
-        let mut made = reconstruct(self.inputs, last.start(), network.as_ref(), &mut watch)?;
-        self.optimise(&mut made, run, last.refine, &mut watch, show);
+        let (model, seed) = (self.model(run, last)?, self.seed);
+        let is_mark = |steps: usize| run.settings.iter().any(|setting| setting.recipe.adam_steps == steps);
+        let (mut watch, mut done) = (Watch::new(&Silent), 0);
+        let mut mark = |made: &Reconstruction, times: &StageTimes| {
+            if is_mark(done) {
+                show(made, times);
+            }
+            done += 1;
+        };
+        let whole = pipeline::Run { recipe: last.recipe, model, seed, deadline: None };
+        begin(self.inputs, &mut watch)?.run(&whole, &mut watch, &mut mark)?;
         Ok(())
     }
 
-    /// Per-scene optimisation, step by step as `lgs-infer --refine-with adam` does it; what `show` takes counts for nothing.
-    fn optimise(
-        &self,
-        made: &mut Reconstruction,
-        run: &Run,
-        refine: Refine,
-        watch: &mut Watch<'_>,
-        show: &mut dyn FnMut(&Reconstruction, &StageTimes),
-    ) {
-        let is_mark = |steps: usize| run.settings.iter().any(|setting| setting.refine.adam == steps);
-        if is_mark(0) {
-            show(made, &watch.times);
-        }
-        if refine.adam == 0 {
-            return;
-        }
-        let start = Instant::now();
-        let full: Vec<&View> = self.inputs.views().iter().collect();
-        let reduced = watch.time(Stage::Refine, |_| at_factor(&full, refine.reduce));
-        let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-        let mut adam = made.begin_adam(self.turns(refine), refine.reduce, views.len());
-        let (before, network) = (made.seconds + start.elapsed().as_secs_f64(), watch.times.refine);
-        let mut steps_s = 0.0;
-        for done in 1..=refine.adam {
-            let start = Instant::now();
-            watch.time(Stage::Refine, |_| adam.step(&mut made.scene, &views));
-            steps_s += start.elapsed().as_secs_f64();
-            if is_mark(done) {
-                watch.times.refine = network;
-                watch.times.add_refine(adam.summary().seconds);
-                made.seconds = before + steps_s;
-                show(made, &watch.times);
-            }
-        }
-    }
-
-    const fn turns(&self, refine: Refine) -> Turns {
-        Turns { views_per_step: refine.views, seed: self.seed }
-    }
-
-    fn network(&self, run: &Run, setting: &Setting) -> Result<Option<NetworkSettings<'_>>> {
-        let (Some(index), Some(network)) = (run.network, &setting.network) else { return Ok(None) };
-        let loaded = self.models.get(index);
-        let Some(loaded) = loaded.filter(|loaded| loaded.digest == network.weights.sha256) else {
-            return Err(SweepError::setting("--weights", format!("those of {}", setting.name()), "others"));
-        };
-        let refine = setting.refine;
-        Ok(Some(NetworkSettings {
-            model: &loaded.model,
-            refine: RefineSettings {
-                turns: self.turns(refine),
-                reduce: refine.reduce,
-                line_search: refine.line_search,
-                optimised_after: refine.adam > 0,
-                ..refine.learned.into()
-            },
-            query: network.query == Switch::On,
-            density: network.density,
-            thresholds: Thresholds { prune: network.theta, add: network.theta },
-            max_gaussians: network.max_gaussians,
-            seed: self.seed,
-        }))
+    fn model(&self, run: &Run, setting: &Setting) -> Result<Option<&FoldedModel>> {
+        let (Some(index), Some(weights)) = (run.network, &setting.weights) else { return Ok(None) };
+        let loaded = self.models.get(index).filter(|loaded| loaded.digest == weights.sha256);
+        let others = || SweepError::setting("--weights", format!("those of {}", setting.name()), "others");
+        Ok(Some(&loaded.ok_or_else(others)?.model))
     }
 }
 

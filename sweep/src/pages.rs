@@ -133,10 +133,9 @@ impl Pages<'_> {
     /// The command that runs a configuration on a clip.
     fn command(&self, choice: &Choice, setting: &Setting) -> String {
         let mut words = vec!["lgs-infer".to_owned(), choice.dir.display().to_string()];
-        let named =
-            setting.network.as_ref().and_then(|n| self.weights.iter().find(|(weights, _)| *weights == n.weights));
+        let named = setting.weights.as_ref().and_then(|own| self.weights.iter().find(|(weights, _)| weights == own));
         words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
-        words.extend(setting.flags());
+        words.extend(setting.recipe.words());
         words.extend(clip_words(choice));
         words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
         words.join(" ")

@@ -1,13 +1,16 @@
 //! What `lgs-infer` knows about speed and accuracy: the page that the repository keeps as `models/presets.json`.
 
-use lgs_engine::densify::{Density, Limit};
-use lgs_engine::plan::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Recipe, Record, RecordedClip};
+use lgs_engine::{
+    densify::Limit,
+    plan::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip},
+    recipe::Recipe,
+};
 
 use super::{
     front::{Offer, on_front},
     machine::Machine,
     record::{ClipRecord, PointRecord},
-    setting::{Setting, Switch, THETA, Weights},
+    setting::{Setting, Weights},
     statistics::Spread,
     table::Row,
 };
@@ -16,27 +19,11 @@ use super::{
 const QUICKER: [(Named, f64); 2] = [(Named::Fast, 8.0), (Named::Balanced, 2.0)];
 
 impl Setting {
-    /// What `lgs-infer` calls a recipe; `None` for what a recipe does not say.
+    /// Its recipe, where that makes sense on other clips and with the usual thresholds.
     pub fn recipe(&self) -> Option<Recipe> {
-        let network = self.network.as_ref();
-        if network
-            .is_some_and(|network| network.theta != THETA || matches!(network.max_gaussians, Some(Limit::Count(_))))
-        {
-            return None;
-        }
-        Some(Recipe {
-            background: self.background,
-            coarseness: self.coarseness,
-            network: network.is_some(),
-            query: network.is_some_and(|network| network.query == Switch::On),
-            density: network.map_or(Density::Off, |network| network.density),
-            max_gaussians: network.and_then(|network| network.max_gaussians),
-            refine_steps: self.refine.learned,
-            adam_steps: self.refine.adam,
-            refine_views: self.refine.views,
-            refine_reduce: self.refine.reduce,
-            line_search: self.refine.line_search,
-        })
+        let limit = self.recipe.max_gaussians;
+        let told = self.recipe.thresholds.are_usual() && !matches!(limit, Some(Limit::Count(_)));
+        told.then_some(self.recipe)
     }
 }
 
@@ -45,7 +32,7 @@ impl Setting {
 pub fn presets(records: &[ClipRecord], rows: &[Row], weights: Option<&Weights>, machine: &Machine) -> Option<Record> {
     let known: Vec<(&Setting, Measured)> = rows
         .iter()
-        .filter(|row| row.setting.network.as_ref().is_none_or(|network| Some(&network.weights) == weights))
+        .filter(|row| row.setting.weights.as_ref().is_none_or(|own| Some(own) == weights))
         .filter_map(|row| Some((&row.setting, measured(&row.setting, records)?)))
         .collect();
     let kept = worth_knowing(&known.iter().map(|(_, measured)| measured).collect::<Vec<_>>());

@@ -16,7 +16,7 @@ use super::{
 };
 
 /// The value of `format` in the file of a clip.
-pub const CLIP_FORMAT: &str = "lgs-sweep-clip/2";
+pub const CLIP_FORMAT: &str = "lgs-sweep-clip/3";
 /// Folder of the crops.
 const CROPS: &str = "crops";
 

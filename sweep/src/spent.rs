@@ -1,6 +1,6 @@
 //! A run of `lgs-infer` with a time budget.
 
-use lgs_engine::plan::Recipe;
+use lgs_engine::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

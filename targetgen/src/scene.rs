@@ -6,7 +6,7 @@ use std::sync::Arc;
 use half::f16;
 use lgs_engine::gaussians::{GaussianSet, background::Mode};
 use lgs_engine::network::model::FoldedModel;
-use lgs_engine::pipeline::{Flags, Opening, Session, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Flags, Opening, Run, Session, Silent, Watch};
 use lgs_engine::predict::{backbone, predict, query};
 use lgs_engine::render::{Pass, Probes};
 use lgs_engine::views::{Selection, View};
@@ -39,7 +39,7 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
     let flags = Flags { images: "--image-size", returns: "CLIPS" };
     let mut watch = Watch::new(&Silent);
     let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
-    let mut set = reconstruct(session.inputs(), Mode::Auto, None, &mut watch)?.scene;
+    let mut set = session.run(&Run::initial(Mode::Auto.into()), &mut watch)?.scene;
     let features = match model {
         Some(model) => predict_in_place(&mut set, model, config.with_features)?,
         None if config.with_features => {

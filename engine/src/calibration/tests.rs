@@ -83,7 +83,8 @@ fn a_turned_camera_is_found() {
     assert!(share(&found) < 0.2 * share(&stated), "{} {}", share(&found), share(&stated));
     // Halves agree, and nothing is found where nothing is wrong.
     let halves = [Fold::Even, Fold::Odd].map(|fold| align(&pairs, &details, &stated, &[false, true], fold, 8)[1]);
-    assert!(halves[0].iter().zip(halves[1]).all(|(a, b)| (a - b).abs() < 1e-3), "{halves:?}");
+    let apart = |k: usize| (halves[0][k] - halves[1][k]).abs();
+    assert!((0..3).all(|k| apart(k) < 1e-3) && (3..6).all(|k| apart(k) < 5e-3), "{halves:?}");
     let exact = [view(0.0, &Change::default()), view(0.5, &Change::default())];
     let details: Vec<Detail> = exact.iter().map(|view| Detail::new(view, 1)).collect();
     let found = align(&pairs, &details, &stated, &[false, true], Fold::All, 8);

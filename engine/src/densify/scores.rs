@@ -18,7 +18,8 @@ pub struct Scores {
 }
 
 /// Scores above these decide.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Thresholds {
     /// `theta_p`.
     pub prune: f32,
@@ -29,6 +30,13 @@ pub struct Thresholds {
 impl Default for Thresholds {
     fn default() -> Self {
         Self { prune: 0.7, add: 0.7 }
+    }
+}
+
+impl Thresholds {
+    /// Whether both are those of the paper.
+    pub fn are_usual(&self) -> bool {
+        *self == Self::default()
     }
 }
 

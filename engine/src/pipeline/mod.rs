@@ -1,6 +1,6 @@
 //! From a clip directory to a scene, its views and their figures: the stages in their order.
 //!
-//! What is held out cannot leak: [`reconstruct`] takes [`Inputs`], which hold views and sweeps of input frames only, and
+//! What is held out cannot leak: [`begin`] takes [`Inputs`], which hold views and sweeps of input frames only, and
 //! [`Session::held_out`] reads the images of held-out frames after the scene is final.
 
 mod evaluate;
@@ -9,6 +9,7 @@ mod inputs;
 mod memory;
 mod network;
 mod reconstruct;
+mod run;
 mod session;
 mod stages;
 #[cfg(test)]
@@ -19,6 +20,7 @@ pub use hold_out::HoldOut;
 pub use inputs::Inputs;
 pub use memory::{Flags, Need, check_memory, check_refinement};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
-pub use reconstruct::{Begun, GaussianCounts, OptimiseSettings, Reconstruction, begin, optimise, reconstruct};
+pub use reconstruct::{Begun, GaussianCounts, Reconstruction, begin};
+pub use run::{Deadline, Run};
 pub use session::{Opening, Session};
 pub use stages::{Progress, Silent, Stage, StageTimes, Watch};

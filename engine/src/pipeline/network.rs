@@ -1,5 +1,7 @@
 //! The network's stages between the initial Gaussians and the finished scene.
 
+use std::time::Instant;
+
 use serde::Serialize;
 
 use super::{Stage, Watch};
@@ -8,6 +10,7 @@ use crate::error::{EngineError, Result};
 use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
+use crate::recipe::Recipe;
 use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
 use crate::views::View;
 
@@ -103,7 +106,27 @@ pub fn run_network(
     Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density, measured })
 }
 
-impl NetworkSettings<'_> {
+impl<'a> NetworkSettings<'a> {
+    /// As a recipe says. No learned step begins that would probably end after `until`.
+    pub fn of(recipe: &Recipe, model: &'a FoldedModel, seed: u64, until: Option<Instant>) -> Self {
+        Self {
+            model,
+            refine: RefineSettings {
+                steps: recipe.refine_steps,
+                turns: recipe.turns(seed),
+                reduce: recipe.refine_reduce,
+                until,
+                line_search: recipe.line_search,
+                optimised_after: recipe.adam_steps > 0,
+            },
+            query: recipe.query,
+            density: recipe.density,
+            thresholds: recipe.thresholds,
+            max_gaussians: recipe.max_gaussians,
+            seed,
+        }
+    }
+
     /// # Errors
     /// When there is a budget and no set update that could meet it.
     fn check_budget(&self, skipped: Option<UpdateSkipped>) -> Result<()> {

@@ -1,9 +1,6 @@
 //! Inputs to scene.
 
-use std::{
-    borrow::Cow,
-    time::{Duration, Instant},
-};
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -18,11 +15,10 @@ use crate::{
     },
     points::{self, Dropped, PointCloud, Turn},
     refine::{
-        Measured, RefineSummary, Turns,
+        Measured, Turns,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
-    render::{Pass, Probes},
-    views::{View, at_factor},
+    views::View,
 };
 
 /// How many Gaussians a reconstruction started with, changed and ended with.
@@ -112,7 +108,12 @@ pub fn begin<'a>(inputs: &'a Inputs, watch: &mut Watch<'_>) -> Result<Begun<'a>>
     Ok(Begun { inputs, cloud, turn, dropped, movement, scene, start })
 }
 
-impl Begun<'_> {
+impl<'a> Begun<'a> {
+    /// What the reconstruction reads.
+    pub(super) const fn inputs(&self) -> &'a Inputs {
+        self.inputs
+    }
+
     /// How many `LiDAR` Gaussians there are.
     pub fn num_points(&self) -> usize {
         self.scene.len()
@@ -123,7 +124,7 @@ impl Begun<'_> {
     /// # Errors
     /// Those of [`run_network`]; [`EngineError::Setting`] for more Gaussians than there is memory to refine them, and for [`Mode::Maps`] where
     /// no input image has a map.
-    pub fn finish(
+    pub(super) fn finish(
         self,
         settings: impl Into<Start>,
         network: Option<&NetworkSettings<'_>>,
@@ -180,34 +181,6 @@ impl Begun<'_> {
     }
 }
 
-/// The scene that `inputs` show.
-///
-/// # Errors
-/// Those of [`begin`] and of [`Begun::finish`].
-pub fn reconstruct(
-    inputs: &Inputs,
-    settings: impl Into<Start>,
-    network: Option<&NetworkSettings<'_>>,
-    watch: &mut Watch<'_>,
-) -> Result<Reconstruction> {
-    begin(inputs, watch)?.finish(settings, network, watch)
-}
-
-/// A per-scene optimisation of a finished scene.
-#[derive(Clone, Copy, Debug)]
-pub struct OptimiseSettings {
-    /// Steps.
-    pub steps: usize,
-    /// Views that a step looks at.
-    pub turns: Turns,
-    /// How many times smaller in width and height the images are that it looks at.
-    pub reduce: usize,
-    /// No step begins that would probably end later than this; `None` for no limit.
-    pub until: Option<Instant>,
-    /// Seconds that the first step will probably take, where no learned one has told.
-    pub step_s: f64,
-}
-
 impl Reconstruction {
     /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: gentle where learned steps have
     /// brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
@@ -218,49 +191,4 @@ impl Reconstruction {
         adam.begin_with(measured.filter(|measured| measured.reduce == reduce && turns.take_all(num_views)));
         adam
     }
-}
-
-/// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
-///
-/// # Errors
-/// [`EngineError::Setting`] for more Gaussians than there is memory to optimise or to draw them.
-pub fn optimise(
-    reconstruction: &mut Reconstruction,
-    inputs: &Inputs,
-    settings: OptimiseSettings,
-    watch: &mut Watch<'_>,
-) -> Result<()> {
-    let OptimiseSettings { steps, turns, reduce, until, step_s } = settings;
-    let num_lidar = reconstruction.scene.num_lidar;
-    check_refinement([num_lidar, reconstruction.scene.len() - num_lidar], None, Flags::default())?;
-    let start = Instant::now();
-    // A step draws the views once, as the learned refinement has.
-    let refined = reconstruction.network.as_ref().map(|network| &network.refine);
-    let mut step_s = refined.and_then(RefineSummary::drawing_s).unwrap_or(step_s);
-    let mut adam = reconstruction.begin_adam(turns, reduce, inputs.views().len());
-    let scene = &mut reconstruction.scene;
-    let summary = watch.stage(Stage::Refine, steps, |progress| {
-        let full: Vec<&View> = inputs.views().iter().collect();
-        let reduced = at_factor(&full, reduce);
-        let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-        for _ in 0..steps {
-            let (begun, draws) = (Instant::now(), adam.draws());
-            if draws {
-                if until.is_some_and(|until| begun + Duration::from_secs_f64(step_s) > until) {
-                    break;
-                }
-                Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
-            }
-            adam.step(scene, &views);
-            progress.step(Stage::Refine);
-            if draws {
-                step_s = begun.elapsed().as_secs_f64();
-            }
-        }
-        Ok::<_, EngineError>(adam.into_summary())
-    })?;
-    watch.times.add_refine(summary.seconds);
-    reconstruction.optimisation = (!summary.losses.is_empty()).then_some(summary);
-    reconstruction.seconds += start.elapsed().as_secs_f64();
-    Ok(())
 }

@@ -13,15 +13,16 @@ use lgs_formats::{
 };
 
 use super::{
-    Drawing, Figures, HoldOut, Inputs, NetworkSummary, OptimiseSettings, Reconstruction, Silent, Stage, Watch,
-    evaluate_views, optimise, reconstruct,
+    Deadline, Drawing, Figures, HoldOut, Inputs, NetworkSummary, Reconstruction, Run, Silent, Stage, Watch, begin,
+    evaluate_views, run::optimise,
 };
 use crate::{
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_COLOUR, background::Mode, physical::to_physical},
     loss::LossWeights,
     objective::objective,
-    refine::{Measured, RefineSummary, Turns, adam::AdamRates},
+    recipe::Recipe,
+    refine::{Measured, RefineSummary, adam::AdamRates},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -93,7 +94,8 @@ impl Held {
 
     fn reconstruct(&self) -> Reconstruction {
         let inputs = self.inputs(self.views(Role::Input).unwrap()).unwrap();
-        reconstruct(&inputs, Mode::Auto, None, &mut Watch::new(&Silent)).unwrap()
+        let mut watch = Watch::new(&Silent);
+        begin(&inputs, &mut watch).unwrap().run(&Run::initial(Mode::Auto.into()), &mut watch, &mut |_, _| ()).unwrap()
     }
 }
 
@@ -163,6 +165,12 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
     assert!(watch.times.get(Stage::Render) > 0.0 && watch.times.get(Stage::Evaluate) > 0.0);
 }
 
+/// So many steps of per-scene optimisation.
+fn adam(adam_steps: usize, refine_reduce: usize, deadline: Option<Deadline>) -> Run<'static> {
+    let initial = Run::initial(Mode::Auto.into());
+    Run { recipe: Recipe { adam_steps, refine_reduce, ..initial.recipe }, deadline, ..initial }
+}
+
 #[test]
 fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
     let place = tempfile::tempdir().unwrap();
@@ -174,8 +182,7 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
         made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
         let before = made.scene.clone();
-        let settings = OptimiseSettings { steps: 1, turns: Turns::default(), reduce: 1, until: None, step_s: 0.0 };
-        optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+        optimise(&mut made, &inputs, &adam(1, 1, None), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
         let colours = |scene: &GaussianSet| -> Vec<f32> {
             scene.attributes.iter().flat_map(|row| row[LOGIT_COLOUR].to_vec()).collect()
         };
@@ -199,8 +206,7 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
         let mut made = held.reconstruct();
         let objective = || objective(&made.scene, &views, &LossWeights::default());
         made.measured = measured_at.map(|reduce| Measured { objective: objective(), reduce });
-        let settings = OptimiseSettings { steps: 2, turns: Turns::default(), reduce, until: None, step_s: 0.0 };
-        optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+        optimise(&mut made, &inputs, &adam(2, reduce, None), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
         let summary = made.optimisation.unwrap();
         (made.scene, summary.losses, made.measured.is_none())
     };
@@ -210,8 +216,7 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
     // Without time for a step that draws, one that does not is made all the same.
     let mut made = held.reconstruct();
     made.measured = Some(Measured { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
-    let until = Some(std::time::Instant::now());
-    let settings = OptimiseSettings { steps: 9, turns: Turns::default(), reduce: 1, until, step_s: 1.0 };
-    optimise(&mut made, &inputs, settings, &mut Watch::new(&Silent)).unwrap();
+    let deadline = Some(Deadline { until: std::time::Instant::now(), adam_steps: 9, adam_step_s: 1.0 });
+    optimise(&mut made, &inputs, &adam(0, 1, deadline), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
     assert_eq!(made.optimisation.unwrap().losses.len(), 1);
 }

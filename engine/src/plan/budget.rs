@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{ClipWork, Measured, Recipe, Record};
+use super::{ClipWork, Measured, Record};
+use crate::recipe::Recipe;
 
 /// A machine that is slower by less than this factor, or quicker, is taken for the one that measured: a short stage says no more, and its
 /// time on another clip is foreseen no better. What turns out quicker leaves time for more steps.

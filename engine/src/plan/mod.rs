@@ -3,11 +3,8 @@
 mod budget;
 mod fit;
 mod least_squares;
-mod recipe;
 mod record;
 
 pub use budget::{Budget, Chosen, choose};
 pub use least_squares::non_negative;
-pub use recipe::Recipe;
-pub(crate) use recipe::word;
 pub use record::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};

@@ -2,8 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Recipe, fit};
-use crate::error::{EngineError, Result};
+use super::fit;
+use crate::{
+    error::{EngineError, Result},
+    recipe::Recipe,
+};
 
 /// The value of `format`.
 pub const PRESETS_FORMAT: &str = "lgs-presets/1";

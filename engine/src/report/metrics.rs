@@ -5,18 +5,14 @@ use serde::{Serialize, Serializer};
 use super::moving::MovingShares;
 use crate::{
     calibration::{LensFinding, Lenses, MountFinding, Mounts},
-    densify::{Density, Limit},
     evaluate::ViewFigures,
-    gaussians::{
-        Coarseness,
-        background::{MapFit, Mode},
-        motion::Motion,
-    },
+    gaussians::{background::MapFit, motion::Motion},
     photometry::{Colours, Photometry},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
     points::{Dropped, Turn},
-    refine::{LineSearch, adam::AdamSummary},
+    recipe::{KNOBS, Recipe},
+    refine::adam::AdamSummary,
     views::Role,
 };
 
@@ -107,10 +103,6 @@ pub struct Config {
     pub frames: Vec<usize>,
     /// Frames that were held out.
     pub hold_out: Vec<usize>,
-    /// What stands behind the `LiDAR` Gaussians.
-    pub background: Mode,
-    /// How coarse the scene was to begin with.
-    pub coarseness: Coarseness,
     /// Where the initial velocities came from.
     pub motion: Motion,
     /// Which lens distortion was taken.
@@ -122,32 +114,20 @@ pub struct Config {
     /// The camera whose colours these were to be; `None` for the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_camera: Option<String>,
-    /// Who refined: `learned`, or `adam:N` after the steps of the network; `None` for nobody.
-    pub refine_with: Option<String>,
-    /// Steps of the learned refinement; `None` without a network.
-    pub refine_steps: Option<usize>,
-    /// Views that a step of the refinement looked at; `None` for all.
-    pub refine_views: Option<usize>,
-    /// How many times smaller the images of the refinement were; `None` where nobody refined.
-    pub refine_reduce: Option<usize>,
-    /// Learned steps whose lengths were searched for, where the model does that; `None` where there was none.
-    pub line_search: Option<LineSearch>,
-    /// Whether the Cross-Time Point Query was asked for; `None` without a network.
-    pub query: Option<bool>,
-    /// Who pruned and added; `None` without a network.
-    pub density: Option<Density>,
-    /// Score above which a primitive was pruned; `None` without a network.
-    pub theta_prune: Option<f32>,
-    /// Score above which a primitive got a copy; `None` without a network.
-    pub theta_add: Option<f32>,
-    /// Largest number of `LiDAR` Gaussians; `None` for no limit.
-    pub max_gaussians: Option<Limit>,
+    /// The recipe: every option of it that says anything.
+    #[serde(flatten, serialize_with = "options")]
+    pub recipe: Recipe,
     /// Which views were rendered.
     pub views: String,
     /// Moment of every rendered view, seconds since time zero; `None` for each view's own.
     pub at_time: Option<f32>,
     /// SHA-256 of the file with the weights of LPIPS; `None` without it.
     pub lpips_weights: Option<String>,
+}
+
+/// Every option of a recipe by its key, `null` where it says nothing.
+fn options<S: Serializer>(recipe: &Recipe, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(KNOBS.iter().map(|knob| (knob.key(), (knob.get)(recipe))))
 }
 
 /// The figures of one view.

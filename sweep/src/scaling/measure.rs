@@ -5,14 +5,12 @@ use std::{collections::BTreeMap, sync::Arc, time::Instant};
 
 use lgs_engine::{
     allocator,
-    densify::{Density, DensityMap, Thresholds},
+    densify::DensityMap,
     error::Result as EngineResult,
     gaussians::{background::Mode, physical::to_physical},
     network::source::LoadedModel,
-    pipeline::{
-        Drawing, Need, NetworkSettings, Opening, RenderedView, Session, Silent, Stage, Watch, evaluate_views,
-        reconstruct,
-    },
+    pipeline::{Drawing, Need, Opening, RenderedView, Run, Session, Silent, Stage, Watch, evaluate_views},
+    recipe::Recipe,
     refine::RefineSummary,
     views::View,
 };
@@ -26,8 +24,6 @@ use super::{
 };
 use crate::error::Result;
 
-/// Steps of the learned refinement.
-const REFINE_STEPS: usize = 3;
 /// Timed runs of a size, however long they take.
 const FEWEST_REPEATS: usize = 2;
 /// Seconds of timed runs after which there are no more of a size.
@@ -120,7 +116,7 @@ impl Bench<'_> {
         let size = |view: &View| [view.pinhole.height, view.pinhole.width];
         let sizes: Vec<[usize; 2]> = inputs.views().iter().map(size).collect();
         let returns = inputs.cloud()?.len();
-        let initial = reconstruct(inputs, Mode::default(), None, &mut watch)?.scene;
+        let initial = session.run(&Run::initial(Mode::default().into()), &mut watch)?.scene;
         let mut work = Work::of(&initial, inputs.views(), self.model.map(|loaded| &loaded.model))?;
         (work.returns, work.frames) = (returns, session.frames().input.len());
         if let Some(refine) = passed.refine {
@@ -141,7 +137,7 @@ impl Bench<'_> {
         let laps = Laps::new(wanted);
         let (mut watch, start) = (Watch::new(&laps), Instant::now());
         let session = self.open(&mut watch)?;
-        let made = reconstruct(session.inputs(), Mode::default(), self.network().as_ref(), &mut watch)?;
+        let made = session.run(&self.run(), &mut watch)?;
         let (scene, scores) = (to_physical(&made.scene), made.density.as_ref().map(DensityMap::splats));
         let drawing = Drawing { scene: &scene, scores: scores.as_deref() };
         let views: Vec<&View> = session.inputs().views().iter().collect();
@@ -166,15 +162,8 @@ impl Bench<'_> {
         Ok(Passed { seconds, memory_mb: found.memory_mb, refine })
     }
 
-    fn network(&self) -> Option<NetworkSettings<'_>> {
-        self.model.map(|loaded| NetworkSettings {
-            model: &loaded.model,
-            refine: REFINE_STEPS.into(),
-            query: true,
-            density: Density::Policy,
-            thresholds: Thresholds::default(),
-            max_gaussians: None,
-            seed: self.seed,
-        })
+    fn run(&self) -> Run<'_> {
+        let recipe = Recipe { network: self.model.is_some(), ..Recipe::default() };
+        Run { recipe, model: self.model.map(|loaded| &loaded.model), seed: self.seed, deadline: None }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use lgs_engine::gaussians::background::Mode;
 use lgs_engine::gaussians::physical::{Splat, SplatGradient, to_physical};
 use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, MEAN, NUM_ATTRIBUTES, QUAT};
-use lgs_engine::pipeline::{Opening, Reconstruction, Session, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Opening, Reconstruction, Run, Session, Silent, Watch};
 use lgs_engine::render::{ImageGradient, Rendered, backward, render, render_for_gradient};
 use lgs_engine::views::{DepthSample, PinholeView, Role, Selection, View};
 use lgs_formats::camera::{Camera, Intrinsics};
@@ -86,7 +86,7 @@ pub(super) fn reconstructed(root: &Path, image_size: Option<ImageSize>) -> Resul
     let selection = Selection { image_size, ..Selection::default() };
     let mut watch = Watch::new(&Silent);
     let session = Session::open(Arc::new(dir), Opening::of(selection), &mut watch).map_err(failed)?;
-    let made: Reconstruction = reconstruct(session.inputs(), Mode::Auto, None, &mut watch).map_err(failed)?;
+    let made: Reconstruction = session.run(&Run::initial(Mode::Auto.into()), &mut watch).map_err(failed)?;
     let views = session.into_views();
     let splats = to_physical(&made.scene);
     let images = views.iter().map(|view| render(&splats, &view.pinhole, [0.0; 3])).collect();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use lgs_engine::gaussians::{Coarseness, GaussianSet, Start, background::Mode};
-use lgs_engine::pipeline::{Opening, Session, Silent, Watch, reconstruct};
+use lgs_engine::pipeline::{Opening, Run, Session, Silent, Watch};
 use lgs_engine::points::PointCloud;
 use lgs_engine::predict::other_time_neighbours;
 use lgs_formats::clip_dir::ClipDir;
@@ -123,7 +123,7 @@ fn initial(clip: &Path) -> Result<(GaussianSet, PointCloud), Failed> {
     let mut watch = Watch::new(&Silent);
     let session = Session::open(Arc::new(ClipDir::open(clip)?), Opening::default(), &mut watch)?;
     let start = Start { background: Mode::Off, coarseness: Coarseness::FINEST };
-    let made = reconstruct(session.inputs(), start, None, &mut watch)?;
+    let made = session.run(&Run::initial(start), &mut watch)?;
     Ok((made.scene, session.inputs().cloud()?))
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lgs_engine::{
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, background::Mode},
-    pipeline::{Reconstruction, Session, Silent, Watch, reconstruct},
+    pipeline::{Reconstruction, Run, Session, Silent, Watch},
     views::View,
 };
 use lgs_formats::{
@@ -69,7 +69,7 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// Whatever is wrong with a sweep.
     pub fn start(&self) -> Result<Reconstruction> {
-        Ok(reconstruct(self.session.inputs(), Mode::Auto, None, &mut Watch::new(&Silent))?)
+        Ok(self.session.run(&Run::initial(Mode::Auto.into()), &mut Watch::new(&Silent))?)
     }
 
     /// Mean figures of a scene over the held-out views.

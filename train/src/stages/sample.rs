@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lgs_engine::{
     gaussians::{Coarseness, GaussianSet, Start},
-    pipeline::{Flags, Opening, Session, Silent, Watch, check_refinement, reconstruct},
+    pipeline::{Flags, Opening, Run, Session, Silent, Watch, check_refinement},
     views::{ClipFrame, View},
 };
 use lgs_formats::pose::Pose;
@@ -86,7 +86,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     }
     let frames = session.frames().clone();
     let begun = Start { coarseness: coarseness(&mut dice), ..Start::default() };
-    let mut scene = reconstruct(session.inputs(), begun, None, &mut watch)?.scene;
+    let mut scene = session.run(&Run::initial(begun), &mut watch)?.scene;
     let mut inputs = session.into_views();
     let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
         .then(|| TrueVelocities::of(draw.dir().clip(), &frame, &frames.input, draw.allowed(), &scene))

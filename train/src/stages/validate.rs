@@ -6,7 +6,7 @@ use lgs_engine::{
     densify::{Scores, apply, decide},
     gaussians::{GaussianSet, background::Mode},
     network::model::FoldedModel,
-    pipeline::{Flags, HoldOut, Opening, Session, Silent, Watch, reconstruct},
+    pipeline::{Flags, HoldOut, Opening, Run, Session, Silent, Watch},
     predict::{backbone, predict, query, scores},
     refine::refine,
     views::{Selection, View},
@@ -48,7 +48,7 @@ impl ValidationClip {
         let flags = Flags { images: "--validation-size", returns: "--validation" };
         let mut watch = Watch::new(&Silent);
         let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
-        let start = reconstruct(session.inputs(), Mode::Auto, None, &mut watch)?.scene;
+        let start = session.run(&Run::initial(Mode::Auto.into()), &mut watch)?.scene;
         let held_out = session.held_out(&mut watch)?;
         let identity = format!("{} ({})", session.clip().name, session.clip().source);
         Ok(Self { identity, start, session, held_out })

@@ -4,10 +4,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
-    network::source::ModelSource,
-    pipeline::{Begun, OptimiseSettings, Reconstruction, Stage, Watch},
-    plan::{Budget, ClipWork, Recipe, Record, choose},
-    refine::{LineSearch, RefineSettings, Turns},
+    network::{model::FoldedModel, source::ModelSource},
+    pipeline::{Begun, Deadline, Reconstruction, Run, Stage, Watch},
+    plan::{Budget, ClipWork, Record, choose},
+    recipe::Recipe,
+    refine::LineSearch,
     report::BudgetRecord,
     views::View,
 };
@@ -25,26 +26,13 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// The learned refinement. Steps of per-scene optimisation that only time decides on count for nothing: recorded times are those without.
-    pub(crate) fn refinement(&self, turns: Turns) -> RefineSettings {
-        let Recipe { refine_steps: steps, refine_reduce: reduce, line_search, adam_steps, .. } = self.recipe;
-        RefineSettings { steps, turns, reduce, until: self.until, line_search, optimised_after: adam_steps > 0 }
-    }
-
-    /// So many steps of a per-scene optimisation.
-    pub(crate) fn optimisation(&self, steps: usize, turns: Turns) -> OptimiseSettings {
-        let reduce = self.recipe.refine_reduce;
-        OptimiseSettings { steps, turns, reduce, until: self.until, step_s: self.adam_step_s() }
-    }
-
-    /// Steps of per-scene optimisation, those that only time decides on included.
-    pub(crate) fn most_adam_steps(&self) -> usize {
-        self.budget.as_ref().map_or(self.recipe.adam_steps, |budget| budget.chosen.most_adam_steps)
-    }
-
-    /// Seconds that such a step will probably take; 0 where nothing tells.
-    pub(crate) fn adam_step_s(&self) -> f64 {
-        self.budget.as_ref().map_or(0.0, |budget| budget.chosen.adam_step_s)
+    /// What runs. Steps of per-scene optimisation that only time decides on are the deadline's: recorded times are those without.
+    pub(crate) fn run<'a>(&self, model: Option<&'a FoldedModel>, seed: u64) -> Run<'a> {
+        let chosen = self.budget.as_ref().map(|budget| &budget.chosen);
+        let adam_steps = chosen.map_or(self.recipe.adam_steps, |chosen| chosen.most_adam_steps);
+        let adam_step_s = chosen.map_or(0.0, |chosen| chosen.adam_step_s);
+        let deadline = self.until.map(|until| Deadline { until, adam_steps, adam_step_s });
+        Run { recipe: self.recipe, model, seed, deadline }
     }
 
     /// Notes how a budget was spent on `made`, by a run that began at `start`: the flags of the recipe are those that make it again.
@@ -72,7 +60,7 @@ impl Plan {
 /// A budget for what has no recorded times.
 pub(crate) fn check(args: &Args) -> Result<()> {
     match (args.time_budget, &args.weights) {
-        (Some(_), _) if args.max_gaussians.is_some() => {
+        (Some(_), _) if args.recipe.value("max-gaussians").is_some() => {
             bail!(
                 "--time-budget: expected no --max-gaussians beside it, found one: recorded times are those of whole sets"
             )
@@ -95,8 +83,8 @@ pub(crate) fn plan(args: &Args, start: Instant, begun: &Begun<'_>, views: &[View
             Some(preset) => Record::shipped()?.preset(preset),
             None => Recipe::default(),
         };
-        let recipe = args.recipe(base);
-        if args.max_gaussians.is_some() && !recipe.network {
+        let recipe = args.recipe.of(base);
+        if args.recipe.value("max-gaussians").is_some() && !recipe.network {
             bail!("--max-gaussians: expected a network with a policy, found a preset that goes without one");
         }
         return Ok(Plan { recipe: Recipe { network: recipe.network && network, ..recipe }, until: None, budget: None });

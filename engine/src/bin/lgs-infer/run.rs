@@ -1,11 +1,11 @@
 //! A run: clip in, files out.
 
-use std::{num::NonZeroUsize, path::Path, sync::Arc, time::Instant};
+use std::{path::Path, sync::Arc, time::Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator,
-    densify::{DensityMap, Thresholds},
+    densify::DensityMap,
     evaluate::{ViewFigures, copying, lpips::Lpips},
     export::{Shown, stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
@@ -14,12 +14,8 @@ use lgs_engine::{
         source::{ModelSource, config_of},
     },
     photometry::Photometry,
-    pipeline::{
-        Drawing, Figures, NetworkSettings, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views,
-        optimise,
-    },
-    plan::Recipe,
-    refine::Turns,
+    pipeline::{Drawing, Figures, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views},
+    recipe::Recipe,
     report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
     threads,
     views::{SelectedFrames, Selection, View},
@@ -56,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 /// Reconstructs a clip, writes the output and returns what to print.
 fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let start = Instant::now();
-    if args.max_gaussians.is_some() && args.weights == ModelSource::None {
+    if args.recipe.value("max-gaussians").is_some() && args.weights == ModelSource::None {
         bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
     }
     plan::check(args)?;
@@ -74,26 +70,13 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let begun = begin(inputs, &mut watch)?;
     let mut plan = plan::plan(args, start, &begun, inputs.views(), &watch)?;
     // A limit that a preset asks for is nothing to a model without a policy.
-    if args.max_gaussians.is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none()) {
+    if args.recipe.value("max-gaussians").is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none())
+    {
         plan.recipe.max_gaussians = None;
     }
-    let recipe = plan.recipe;
-    let model = model.filter(|_| recipe.network);
-    let turns = Turns { views_per_step: recipe.refine_views, seed: args.seed };
-    let network = model.as_ref().map(|loaded| NetworkSettings {
-        model: &loaded.model,
-        refine: plan.refinement(turns),
-        query: recipe.query,
-        density: recipe.density,
-        thresholds: Thresholds { prune: args.theta_prune, add: args.theta_add },
-        max_gaussians: recipe.max_gaussians,
-        seed: args.seed,
-    });
-    let mut reconstruction = begun.finish(recipe.start(), network.as_ref(), &mut watch)?;
-    let steps = plan.most_adam_steps();
-    if steps > 0 {
-        optimise(&mut reconstruction, inputs, plan.optimisation(steps, turns), &mut watch)?;
-    }
+    let model = model.filter(|_| plan.recipe.network);
+    let run = plan.run(model.as_ref().map(|loaded| &loaded.model), args.seed);
+    let reconstruction = begun.run(&run, &mut watch, &mut |_, _| ())?;
     plan.spent(&reconstruction, start);
     let shown = job.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
@@ -252,26 +235,12 @@ impl Job<'_> {
             image_size: self.args.image_size.map(|size| [size.height, size.width]),
             frames,
             hold_out: held_out.clone(),
-            background: recipe.background,
-            coarseness: recipe.coarseness,
             motion: inputs.motion(),
             lenses: self.args.lenses,
             mounts: self.args.mounts,
             colours: self.args.colours,
             reference_camera: self.args.reference_camera.clone(),
-            refine_with: (recipe.network || recipe.adam_steps > 0).then(|| match recipe.adam_steps {
-                0 => "learned".to_owned(),
-                steps => format!("adam:{steps}"),
-            }),
-            refine_steps: recipe.network.then_some(recipe.refine_steps),
-            refine_views: recipe.refine_views.filter(|_| recipe.refines()).map(NonZeroUsize::get),
-            refine_reduce: recipe.refines().then_some(recipe.refine_reduce),
-            line_search: (recipe.network && recipe.refine_steps > 0).then_some(recipe.line_search),
-            query: recipe.network.then_some(recipe.query),
-            density: recipe.network.then_some(recipe.density),
-            theta_prune: recipe.network.then_some(self.args.theta_prune),
-            theta_add: recipe.network.then_some(self.args.theta_add),
-            max_gaussians: recipe.max_gaussians.filter(|_| recipe.network),
+            recipe: *recipe,
             views: word(&self.args.views),
             at_time: self.args.at_time,
             lpips_weights: self.lpips.as_ref().map(|distance| distance.sha256.clone()),

@@ -8,8 +8,8 @@ use crate::{
     densify::Limit,
     evaluate::ViewFigures,
     pipeline::{NetworkSummary, Stage, UpdateSkipped},
-    plan::word,
     predict::QuerySkipped,
+    recipe::{Recipe, word},
     report::{
         maps::maps_in_words,
         metrics::{Config, FIGURES, FigureKind, Metrics, role_name},
@@ -69,14 +69,14 @@ pub(super) fn settings(page: &Page<'_>) -> String {
         ("image size", config.image_size.map_or("each image's own".to_owned(), |[h, w]| format!("{h}x{w}"))),
         ("frames", ranges(&config.frames)),
         ("held out", if config.hold_out.is_empty() { none() } else { ranges(&config.hold_out) }),
-        ("background", word(&config.background)),
+        ("background", word(&config.recipe.background)),
         ("depth maps", depth_maps(page.metrics)),
         ("initial velocities", word(&config.motion)),
         ("views", escape(&config.views)),
         ("moment", moment),
         ("weights", weights.clone().unwrap_or_else(none)),
         ("network", network.as_ref().map_or_else(none, |summary| network_settings(config, summary))),
-        ("refined by", config.refine_with.clone().unwrap_or_else(none)),
+        ("refined by", refined_by(&config.recipe).unwrap_or_else(none)),
         ("LPIPS weights", config.lpips_weights.clone().unwrap_or_else(none)),
         ("threads", threads.to_string()),
         ("seed", seed.to_string()),
@@ -101,6 +101,14 @@ fn depth_maps(metrics: &Metrics) -> String {
     maps_in_words(&metrics.depth_maps).map_or("none".to_owned(), |words| escape(&words))
 }
 
+/// Who refined: `None` for nobody.
+fn refined_by(recipe: &Recipe) -> Option<String> {
+    match recipe.adam_steps {
+        0 => recipe.network.then(|| "learned".to_owned()),
+        steps => Some(format!("adam:{steps}")),
+    }
+}
+
 fn limit_text(limit: Limit) -> String {
     match limit {
         Limit::Count(count) => thousands(count),
@@ -116,16 +124,21 @@ fn network_settings(config: &Config, summary: &NetworkSummary) -> String {
         Some(QuerySkipped::NotInModel) => "no query in the model".to_owned(),
         Some(QuerySkipped::SingleTimestamp) => "no query: a single timestamp".to_owned(),
     };
-    let number = |value: Option<f32>| value.map_or(String::new(), |value| value.to_string());
-    let density = match (&summary.set_update_skipped, &config.density) {
-        (None, Some(density)) => {
-            let budget = config.max_gaussians.map_or(String::new(), |limit| format!(", at most {}", limit_text(limit)));
-            format!("density {} ({}, {}{budget})", word(&density), number(config.theta_prune), number(config.theta_add))
+    let recipe = &config.recipe;
+    let density = match summary.set_update_skipped {
+        None => {
+            let budget = recipe.max_gaussians.map_or(String::new(), |limit| format!(", at most {}", limit_text(limit)));
+            format!(
+                "density {} ({}, {}{budget})",
+                word(&recipe.density),
+                recipe.thresholds.prune,
+                recipe.thresholds.add
+            )
         }
-        (Some(UpdateSkipped::NotInModel), _) => "no policy in the model".to_owned(),
-        _ => "density off".to_owned(),
+        Some(UpdateSkipped::NotInModel) => "no policy in the model".to_owned(),
+        Some(UpdateSkipped::Off) => "density off".to_owned(),
     };
     let stop = if summary.refine.stopped_early { ", stopped early" } else { "" };
-    let steps = config.refine_steps.unwrap_or(0);
+    let steps = recipe.refine_steps;
     format!("{query}; {density}; {} of {steps} refinement steps{stop}", summary.refine.steps)
 }

@@ -4,6 +4,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 
 use super::{Page, PageView, text::escape};
 use crate::{
+    densify::Thresholds,
     report::{
         colour_maps::{INFERNO, VIRIDIS},
         metrics::{FIGURES, FigureKind, ViewRecord},
@@ -55,11 +56,10 @@ pub(super) fn legend(page: &Page<'_>) -> String {
         ramp(format!("{near} m and less"), VIRIDIS.css_gradient("left"), format!("{far} m and more"))
     );
     let shown = |kind: PictureKind| page.views.iter().any(|view| view.pictures.iter().any(|(of, _)| *of == kind));
-    let theta = |theta: Option<f32>| theta.map_or(String::new(), |theta| theta.to_string());
-    let (theta_prune, theta_add) = (theta(page.metrics.config.theta_prune), theta(page.metrics.config.theta_add));
+    let Thresholds { prune, add } = page.metrics.config.recipe.thresholds;
     let scores = format!(
         "<li><b>prune, add</b> the policy's scores of the primitives before the set update, seen over the drawn view {} grey: \
-         no score; thresholds {theta_prune} and {theta_add}</li>\n",
+         no score; thresholds {prune} and {add}</li>\n",
         ramp("0".into(), SCORE_COLOURS.css_gradient("right"), "1".into())
     );
     let parts = [(PictureKind::Error, error), (PictureKind::Depth, depth), (PictureKind::Prune, scores)];

@@ -137,7 +137,7 @@ mod tests {
         gaussians::background::Mode,
         refine::LineSearch,
     };
-    use lgs_sweep::setting::Switch;
+    use lgs_sweep::grid::Switch;
 
     fn parse(line: &str) -> Result<Args, clap::Error> {
         Args::try_parse_from(std::iter::once("lgs-sweep").chain(line.split(' ')))

@@ -6,7 +6,7 @@ use lgs_engine::{
     gaussians::{Coarseness, background::Mode},
     refine::LineSearch,
 };
-use lgs_sweep::{grid::Axes, setting::Switch};
+use lgs_sweep::grid::{Axes, Switch};
 
 use crate::values::{Most, Views, most, reduce, steps, theta, views};
 

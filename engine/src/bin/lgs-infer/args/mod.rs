@@ -1,5 +1,6 @@
 //! The command line, parsed without side effects.
 
+mod recipe;
 #[cfg(test)]
 mod tests;
 mod values;
@@ -9,35 +10,21 @@ use std::{num::NonZeroUsize, path::PathBuf};
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_engine::{
     calibration::{Lenses, Mounts},
-    densify::{Density, Limit},
-    gaussians::{Coarseness, background::Mode, motion::Motion},
+    gaussians::motion::Motion,
     network::{shipped, source::ModelSource},
     photometry::Colours,
     pipeline::HoldOut,
-    plan::{Named, Recipe},
-    refine::LineSearch,
+    plan::Named,
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
+use recipe::CHOSEN_BY_BUDGET;
+pub(crate) use recipe::RecipeArgs;
 pub(crate) use values::{PathArg, ViewsArg, word};
-use values::{RefineWith, Switch, budget, pictures, rate, score, seconds};
+use values::{budget, pictures, rate, seconds};
 
 /// Largest number of threads that may be asked for.
 const MAX_THREADS: u64 = 1024;
-
-/// Flags that a time budget decides on.
-const CHOSEN_BY_BUDGET: [&str; 10] = [
-    "preset",
-    "refine_steps",
-    "refine_with",
-    "refine_views",
-    "refine_reduce",
-    "line_search",
-    "density",
-    "query",
-    "background",
-    "coarseness",
-];
 
 /// Reconstruct a driving clip as a dynamic 3D Gaussian scene, draw its views and measure them.
 ///
@@ -73,48 +60,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", value_parser = budget, conflicts_with_all = CHOSEN_BY_BUDGET)]
     pub(crate) time_budget: Option<f64>,
 
-    /// Steps of the learned refinement over the input views, 0 to 1000 [default: 3; with --refine-with adam:N: 0]
-    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
-    refine_steps: Option<u32>,
-
-    /// Who refines: `learned`: the network, where there is one; `adam:N`: N steps of per-scene optimisation by the same loss, 0 to
-    /// 100000, with a network or without; --refine-steps before them only where they are asked for [default: learned]
-    #[arg(long, value_name = "learned|adam:N")]
-    refine_with: Option<RefineWith>,
-
-    /// Input views that a step of a refinement looks at, in random turns [default: all]
-    #[arg(long, value_name = "N")]
-    refine_views: Option<NonZeroUsize>,
-
-    /// How many times smaller in width and height the images are that a refinement looks at, 1 to 64 [default: 1]
-    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
-    refine_reduce: Option<u32>,
-
-    /// Learned steps after which every Gaussian's length of the step is searched for, which draws each input view once more: `every`;
-    /// `last`: quicker, and worth it where adam:N follows; `off` [default: every]
-    #[arg(long, value_enum)]
-    line_search: Option<LineSearch>,
-
-    /// Who prunes and adds primitives [default: policy]
-    #[arg(long, value_enum)]
-    density: Option<Density>,
-
-    /// Score above which a primitive is pruned, 0 to 1
-    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
-    pub(crate) theta_prune: f32,
-
-    /// Score above which a primitive gets a copy beside it, 0 to 1
-    #[arg(long, value_name = "F", default_value_t = 0.7, value_parser = score)]
-    pub(crate) theta_add: f32,
-
-    /// Largest number of LiDAR Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: the worst go
-    /// first, then the best copies come; needs a policy's scores [default: as many as the scores ask for]
-    #[arg(long, value_name = "N|P%")]
-    pub(crate) max_gaussians: Option<Limit>,
-
-    /// Whether primitives ask their nearest of other timestamps [default: on]
-    #[arg(long, value_enum)]
-    query: Option<Switch>,
+    #[command(flatten)]
+    pub(crate) recipe: RecipeArgs,
 
     /// Names of the cameras to use, separated by commas [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
@@ -132,15 +79,6 @@ pub(crate) struct Args {
     /// `every:N`: the N-th frame of the clip, the 2N-th and so on, which are the indices N-1, 2N-1, ...; `none`
     #[arg(long, value_name = "LIST|odd|every:N|none", default_value_t = HoldOut::Nothing)]
     pub(crate) hold_out: HoldOut,
-
-    /// Gaussians for what the LiDAR does not reach [default: auto]
-    #[arg(long, value_enum)]
-    background: Option<Mode>,
-
-    /// How different, times the usual, the pixels and returns may be that share a Gaussian, and above 1 how many they may be, 0 to 8: more is
-    /// coarser and quicker; 0: a Gaussian for every return and every pixel between them [default: 1]
-    #[arg(long, value_name = "F")]
-    coarseness: Option<Coarseness>,
 
     /// Where the velocities of the LiDAR Gaussians come from at first
     #[arg(long, value_enum, default_value_t)]
@@ -236,29 +174,6 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// What runs: `base`, but for what the flags say.
-    pub(crate) fn recipe(&self, base: Recipe) -> Recipe {
-        let steps = self.refine_steps.map(|steps| steps as usize);
-        let [refine_steps, adam_steps] = match self.refine_with {
-            None => [steps.unwrap_or(base.refine_steps), base.adam_steps],
-            Some(RefineWith::Learned) => [steps.unwrap_or(base.refine_steps), 0],
-            Some(RefineWith::Adam(adam)) => [steps.unwrap_or(0), adam],
-        };
-        Recipe {
-            background: self.background.unwrap_or(base.background),
-            coarseness: self.coarseness.unwrap_or(base.coarseness),
-            network: base.network,
-            query: self.query.map_or(base.query, |switch| switch == Switch::On),
-            density: self.density.unwrap_or(base.density),
-            max_gaussians: self.max_gaussians.or(base.max_gaussians.filter(|_| self.density != Some(Density::Off))),
-            refine_steps,
-            adam_steps,
-            refine_views: self.refine_views.or(base.refine_views),
-            refine_reduce: self.refine_reduce.map_or(base.refine_reduce, |factor| factor as usize),
-            line_search: self.line_search.unwrap_or(base.line_search),
-        }
-    }
-
     /// The number of threads that was asked for.
     pub(crate) fn threads(&self) -> Option<NonZeroUsize> {
         self.threads.and_then(|count| usize::try_from(count).ok()).and_then(NonZeroUsize::new)

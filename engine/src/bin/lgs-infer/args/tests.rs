@@ -2,6 +2,8 @@
 
 use clap::CommandFactory;
 
+use lgs_engine::{densify::Density, gaussians::background::Mode, recipe::Recipe};
+
 use super::*;
 
 fn parse(line: &str) -> Result<Args, clap::Error> {
@@ -25,7 +27,7 @@ fn defaults_are_as_the_help_says() {
     assert_eq!((&args.out, &args.cameras, &args.frames, &args.hold_out), (&None, &None, &None, &HoldOut::Nothing));
     let weights = if shipped::BYTES.is_some() { ModelSource::Shipped } else { ModelSource::None };
     assert_eq!((args.views, &args.weights, args.preset, args.time_budget), (ViewsArg::All, &weights, None, None));
-    assert_eq!(args.recipe(Recipe::default()), Recipe::default());
+    assert_eq!(args.recipe.of(Recipe::default()), Recipe::default());
     assert_eq!((args.threads, args.seed, args.json), (None, 0, false));
 }
 
@@ -55,7 +57,7 @@ fn lists_and_rules_are_read() {
 #[test]
 fn one_of_two_refines() {
     let steps = |line: &str, base: Recipe| {
-        let recipe = parse(line).unwrap().recipe(base);
+        let recipe = parse(line).unwrap().recipe.of(base);
         [recipe.refine_steps, recipe.adam_steps]
     };
     let usual = Recipe::default();
@@ -65,7 +67,7 @@ fn one_of_two_refines() {
     let both = Recipe { refine_steps: 2, adam_steps: 10, ..usual };
     assert_eq!(steps("c --preset accurate", both), [2, 10]);
     assert_eq!(steps("c --preset accurate --refine-with learned", both), [2, 0]);
-    let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe(usual);
+    let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe.of(usual);
     assert_eq!((looks.refine_views, looks.refine_reduce), (NonZeroUsize::new(4), 2));
     assert_eq!((looks.background, looks.query, looks.density), (Mode::Gaps, false, Density::Policy));
 }

@@ -5,43 +5,8 @@ use std::{path::PathBuf, str::FromStr};
 use clap::ValueEnum;
 use lgs_formats::camera_path::MAX_POSES;
 
-/// Most steps of per-scene optimisation that may be asked for.
-const MAX_ADAM_STEPS: usize = 100_000;
-
 /// Longest time budget that may be asked for, seconds.
 const MAX_BUDGET_S: f64 = 1e6;
-
-/// `--refine-with`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum RefineWith {
-    /// The network.
-    Learned,
-    /// So many steps of per-scene optimisation.
-    Adam(usize),
-}
-
-impl FromStr for RefineWith {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let steps = |count: &str| count.parse().ok().filter(|&steps| steps <= MAX_ADAM_STEPS);
-        match text.split_once(':') {
-            None if text == "learned" => Ok(Self::Learned),
-            Some(("adam", count)) => {
-                let wrong = || format!("expected adam:N with N from 0 to {MAX_ADAM_STEPS}, found {text:?}");
-                steps(count).map(Self::Adam).ok_or_else(wrong)
-            }
-            _ => Err("expected learned or adam:N".to_owned()),
-        }
-    }
-}
-
-/// `on` or `off`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Switch {
-    On,
-    Off,
-}
 
 /// `--views`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -80,11 +45,6 @@ impl FromStr for PathArg {
 pub(super) fn pictures(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| (1..=MAX_POSES).contains(count));
     count.ok_or_else(|| format!("expected 1 to {MAX_POSES} pictures, found {text:?}"))
-}
-
-pub(super) fn score(text: &str) -> Result<f32, String> {
-    let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
-    value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
 }
 
 pub(super) fn seconds(text: &str) -> Result<f32, String> {

@@ -1,17 +1,21 @@
-//! A way to reconstruct, apart from the clip and the weights.
+//! A way to reconstruct, apart from the clip and the weights: every option that decides on the scene.
+
+mod knobs;
 
 use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    densify::{Density, Limit},
+    densify::{Density, Limit, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
-    refine::LineSearch,
+    refine::{LineSearch, Turns},
 };
 
+pub use knobs::{KNOBS, Knob};
+
 /// Which parts of the pipeline run, and how often.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// What stands behind the `LiDAR` Gaussians.
@@ -25,6 +29,9 @@ pub struct Recipe {
     pub query: bool,
     /// Who prunes and adds.
     pub density: Density,
+    /// Scores above which the policy prunes and adds.
+    #[serde(default, skip_serializing_if = "Thresholds::are_usual")]
+    pub thresholds: Thresholds,
     /// Largest number of `LiDAR` Gaussians after that; `None` for no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gaussians: Option<Limit>,
@@ -50,6 +57,7 @@ impl Default for Recipe {
             network: true,
             query: true,
             density: Density::Policy,
+            thresholds: Thresholds::default(),
             max_gaussians: None,
             refine_steps: 3,
             adam_steps: 0,
@@ -61,9 +69,25 @@ impl Default for Recipe {
 }
 
 impl Recipe {
+    /// The initial Gaussians alone: no network, no optimisation.
+    pub fn initial(start: Start) -> Self {
+        Self {
+            background: start.background,
+            coarseness: start.coarseness,
+            network: false,
+            refine_steps: 0,
+            ..Self::default()
+        }
+    }
+
     /// Whether anybody refines.
     pub const fn refines(&self) -> bool {
         (self.network && self.refine_steps > 0) || self.adam_steps > 0
+    }
+
+    /// The views that a step looks at.
+    pub const fn turns(&self, seed: u64) -> Turns {
+        Turns { views_per_step: self.refine_views, seed }
     }
 
     /// What the scene begins with.
@@ -71,24 +95,17 @@ impl Recipe {
         Start { background: self.background, coarseness: self.coarseness }
     }
 
-    /// The flags of `lgs-infer` that ask for it.
+    /// The flags of `lgs-infer` that ask for it, where the weights are named apart.
+    pub fn words(&self) -> Vec<String> {
+        KNOBS.iter().filter_map(|knob| knob.flag(self)).collect()
+    }
+
+    /// The flags of `lgs-infer` that ask for it, with the weights that ship where there is a network.
     pub fn flags(&self) -> String {
-        let mut flags = vec![format!("--background {}", word(&self.background))];
-        flags.extend((!self.coarseness.is_usual()).then(|| format!("--coarseness {}", self.coarseness)));
-        if self.network {
-            flags.push(format!("--query {}", if self.query { "on" } else { "off" }));
-            flags.push(format!("--density {}", word(&self.density)));
-            flags.extend(self.max_gaussians.map(|limit| format!("--max-gaussians {limit}")));
-            flags.push(format!("--refine-steps {}", self.refine_steps));
-            flags.extend((!self.line_search.is_every()).then(|| format!("--line-search {}", word(&self.line_search))));
-        } else {
-            flags.push("--weights none".to_owned());
+        let mut flags = self.words();
+        if !self.network {
+            flags.insert(0, "--weights none".to_owned());
         }
-        if self.adam_steps > 0 {
-            flags.push(format!("--refine-with adam:{}", self.adam_steps));
-        }
-        flags.extend(self.refine_views.map(|views| format!("--refine-views {views}")));
-        flags.extend((self.refine_reduce > 1).then(|| format!("--refine-reduce {}", self.refine_reduce)));
         flags.join(" ")
     }
 }
@@ -107,8 +124,10 @@ mod tests {
         let usual = Recipe::default();
         assert_eq!(usual.flags(), "--background auto --query on --density policy --refine-steps 3");
         let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
-        assert_eq!(adam.flags(), "--background gaps --weights none --refine-with adam:30 --refine-reduce 2");
+        assert_eq!(adam.flags(), "--weights none --background gaps --refine-with adam:30 --refine-reduce 2");
         let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
-        assert!(quicker.flags().ends_with(" --refine-steps 3 --line-search last --refine-with adam:2"));
+        assert!(quicker.flags().ends_with(" --refine-with adam:2 --refine-steps 3 --line-search last"));
+        let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..usual };
+        assert!(eager.flags().contains(" --density policy --theta-prune 0.9 --theta-add 0.5 --refine-steps"));
     }
 }
