@@ -88,7 +88,8 @@ fn a_turned_camera_is_found() {
     let exact = [view(0.0, &Change::default()), view(0.5, &Change::default())];
     let details: Vec<Detail> = exact.iter().map(|view| Detail::new(view, 1)).collect();
     let found = align(&pairs, &details, &stated, &[false, true], Fold::All, 8);
-    assert!(found[1].iter().all(|change| change.abs() < 1e-4), "{found:?}");
+    let least = |k: usize| if k < 3 { 5e-4 } else { 4e-3 };
+    assert!(found[1].iter().enumerate().all(|(k, change)| change.abs() < least(k)), "{found:?}");
 }
 
 #[test]
