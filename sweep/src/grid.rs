@@ -1,53 +1,135 @@
 //! From values along several axes to the configurations that differ.
 
-use std::num::NonZeroUsize;
-
-use clap::ValueEnum;
 use lgs_engine::{
     densify::{Density, Limit, Thresholds},
-    gaussians::{Coarseness, Start, background::Mode},
-    recipe::Recipe,
+    recipe::{KNOBS, Recipe},
     refine::LineSearch,
 };
 
 use super::setting::{Setting, Weights};
 
-/// Whether a part runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Switch {
-    /// It does.
-    On,
-    /// It does not.
-    Off,
+/// An axis of a grid: options of a recipe that have one value together.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    /// Its name, as flags have it but for the dashes in front.
+    pub name: &'static str,
+    /// Names of the options.
+    pub knobs: &'static [&'static str],
+    /// The word for no value; empty where there is always one.
+    pub none: &'static str,
+    /// The values that are tried where nobody says otherwise, separated by commas.
+    pub usual: &'static str,
+    /// What it is, for help texts.
+    pub help: &'static str,
+}
+
+/// All of them but those of per-scene optimisation.
+pub const AXES: [Axis; 10] = [
+    Axis { name: "background", knobs: &["background"], none: "", usual: "auto,gaps", help: "Backgrounds" },
+    Axis {
+        name: "coarseness",
+        knobs: &["coarseness"],
+        none: "",
+        usual: "1",
+        help: "How coarse scenes are to begin with, 0 to 8",
+    },
+    Axis {
+        name: "query",
+        knobs: &["query"],
+        none: "",
+        usual: "on",
+        help: "Whether primitives ask their nearest of other timestamps, for weights that have a query",
+    },
+    Axis {
+        name: "density",
+        knobs: &["density"],
+        none: "",
+        usual: "policy,off",
+        help: "Who prunes and adds primitives, for weights that have a policy",
+    },
+    Axis {
+        name: "theta",
+        knobs: &["theta-prune", "theta-add"],
+        none: "",
+        usual: "0.7",
+        help: "Scores above which the policy prunes, and adds, 0 to 1",
+    },
+    Axis {
+        name: "max-gaussians",
+        knobs: &["max-gaussians"],
+        none: "none",
+        usual: "none",
+        help: "Largest numbers of LiDAR Gaussians after pruning and adding, shares of those before, or none, where a policy acts",
+    },
+    Axis {
+        name: "refine-steps",
+        knobs: &["refine-steps"],
+        none: "",
+        usual: "0,1,3",
+        help: "Steps of the learned refinement",
+    },
+    Axis {
+        name: "line-search",
+        knobs: &["line-search"],
+        none: "",
+        usual: "every",
+        help: "Learned steps after which every Gaussian's length of the step is searched for, with weights that do so",
+    },
+    Axis {
+        name: "refine-views",
+        knobs: &["refine-views"],
+        none: "all",
+        usual: "all",
+        help: "Input views that a step of a refinement looks at, or all",
+    },
+    Axis {
+        name: "refine-reduce",
+        knobs: &["refine-reduce"],
+        none: "",
+        usual: "1",
+        help: "How many times smaller in width and height the images are that a step looks at, 1 to 64",
+    },
+];
+
+impl Axis {
+    /// A recipe with a value of this axis.
+    ///
+    /// # Errors
+    /// What was expected instead of the value.
+    pub fn apply(&self, recipe: Recipe, value: &str) -> Result<Recipe, String> {
+        let mut changed = recipe;
+        if self.none.is_empty() || value != self.none {
+            for knob in KNOBS.iter().filter(|knob| self.knobs.contains(&knob.name)) {
+                (knob.set)(&mut changed, value)?;
+            }
+        }
+        if matches!(changed.max_gaussians, Some(Limit::Count(0) | Limit::Percent(0))) {
+            return Err(format!("expected a number or a share above 0, or none, found {value}"));
+        }
+        Ok(changed)
+    }
 }
 
 /// What is tried along each axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    /// Backgrounds.
-    pub background: Vec<Mode>,
-    /// How coarse scenes are to begin with.
-    pub coarseness: Vec<Coarseness>,
-    /// Steps of the learned refinement.
-    pub refine_steps: Vec<usize>,
-    /// Whether the query runs.
-    pub query: Vec<Switch>,
-    /// Who prunes and adds.
-    pub density: Vec<Density>,
-    /// Scores above which the policy acts.
-    pub theta: Vec<f32>,
-    /// Budgets of the set update; `None` for none.
-    pub max_gaussians: Vec<Option<Limit>>,
+    /// Every combination of the values along [`AXES`].
+    pub recipes: Vec<Recipe>,
     /// Numbers of steps of per-scene optimisation from the initial Gaussians.
     pub adam: Vec<usize>,
     /// Numbers of steps of per-scene optimisation after the learned refinement.
     pub then_adam: Vec<usize>,
-    /// Views that a step of a refinement looks at; `None` for all.
-    pub refine_views: Vec<Option<NonZeroUsize>>,
-    /// How many times smaller in width and height the images are that a step looks at.
-    pub refine_reduce: Vec<usize>,
-    /// Learned steps whose lengths are searched for.
-    pub line_search: Vec<LineSearch>,
+}
+
+/// Every combination of the values `of` each axis.
+///
+/// # Errors
+/// What was expected instead of a value.
+pub fn combinations<'a>(of: impl Fn(&Axis) -> Vec<&'a str>) -> Result<Vec<Recipe>, String> {
+    AXES.iter().try_fold(vec![Recipe::default()], |recipes, axis| {
+        let values = of(axis);
+        recipes.iter().flat_map(|&recipe| values.iter().map(move |value| axis.apply(recipe, value))).collect()
+    })
 }
 
 /// Weights, and which of the optional parts their model has.
@@ -80,7 +162,8 @@ impl Run {
     }
 }
 
-/// The runs that come to every configuration of several grids once, in the order of the grids.
+/// The runs that come to every configuration of several grids once, in the order of the grids: what a model has no part for is not told apart,
+/// and what a refinement looks at is not where there is none.
 pub fn runs_of(grids: &[Axes], models: &[Parts]) -> Vec<Run> {
     let mut all: Vec<Run> = Vec::new();
     for mut run in grids.iter().flat_map(|axes| runs(axes, models)) {
@@ -92,120 +175,85 @@ pub fn runs_of(grids: &[Axes], models: &[Parts]) -> Vec<Run> {
     all
 }
 
-/// The runs that come to every configuration of the grid once: what a model has no part for is not told apart, and what a refinement looks
-/// at is not where there is none.
-pub fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    let mut add = |index: Option<usize>, setting: Setting, learned: &[usize], adam: &[usize]| {
-        let searches = index.is_some_and(|index| models[index].line_search);
-        for &refine_steps in learned {
-            for line_search in line_searches(axes, searches, refine_steps) {
-                let base = Recipe { refine_steps, line_search, ..setting.recipe };
-                for recipes in refinements(axes, base, adam) {
-                    let of = |recipe| Setting { recipe, ..setting.clone() };
-                    let run = Run { network: index, settings: recipes.into_iter().map(of).collect() };
-                    if !run.settings.is_empty() && !runs.contains(&run) {
-                        runs.push(run);
-                    }
-                }
-            }
+/// The runs of a grid; some come to the same configuration.
+fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
+    let mut runs = Vec::new();
+    for (index, model) in models.iter().enumerate() {
+        for &recipe in &axes.recipes {
+            let setting = Setting { weights: Some(model.weights.clone()), recipe: with_model(recipe, model) };
+            runs.extend(marked(Some(index), &setting, &axes.then_adam));
         }
-    };
-    for start in starts(axes) {
-        for (index, model) in models.iter().enumerate() {
-            for recipe in networks(axes, model, start) {
-                let setting = Setting { weights: Some(model.weights.clone()), recipe };
-                add(Some(index), setting, &axes.refine_steps, &axes.then_adam);
-            }
-        }
-        let recipe = Recipe { query: false, density: Density::Off, ..Recipe::initial(start) };
-        add(None, Setting { weights: None, recipe }, &[0], &axes.adam);
+    }
+    for &recipe in &axes.recipes {
+        let Recipe { refine_views, refine_reduce, .. } = recipe;
+        let initial = Recipe { query: false, density: Density::Off, ..Recipe::initial(recipe.start()) };
+        let recipe = Recipe { refine_views, refine_reduce, ..initial };
+        runs.extend(marked(None, &Setting { weights: None, recipe }, &axes.adam));
     }
     runs
 }
 
-/// What scenes begin with.
-fn starts(axes: &Axes) -> impl Iterator<Item = Start> {
-    let of = |&background| axes.coarseness.iter().map(move |&coarseness| Start { background, coarseness });
-    axes.background.iter().flat_map(of)
-}
-
-/// The ways to search for the lengths of so many learned steps that differ.
-fn line_searches(axes: &Axes, searches: bool, learned: usize) -> Vec<LineSearch> {
-    let of = |&line_search: &LineSearch| match line_search {
-        _ if !searches || learned == 0 => LineSearch::Every,
+/// The recipe without what makes no difference to a model.
+fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
+    let acts = model.policy && recipe.density != Density::Off;
+    let searches = match recipe.line_search {
         // The only step is the last one.
-        LineSearch::Last if learned == 1 => LineSearch::Every,
-        other => other,
+        LineSearch::Last => model.line_search && recipe.refine_steps > 1,
+        _ => model.line_search && recipe.refine_steps > 0,
     };
-    axes.line_search.iter().map(of).collect()
+    Recipe {
+        network: true,
+        query: recipe.query && model.query,
+        density: if acts { recipe.density } else { Density::Off },
+        thresholds: if acts { recipe.thresholds } else { Thresholds::default() },
+        max_gaussians: recipe.max_gaussians.filter(|_| acts),
+        line_search: if searches { recipe.line_search } else { LineSearch::Every },
+        ..recipe
+    }
 }
 
-/// The recipes with as many learned steps as `base`, those of one run together.
-fn refinements(axes: &Axes, base: Recipe, adam: &[usize]) -> Vec<Vec<Recipe>> {
+/// The runs that come to a configuration with each of these numbers of steps of per-scene optimisation.
+fn marked(network: Option<usize>, base: &Setting, adam: &[usize]) -> Vec<Run> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();
     marks.dedup();
-    let learned = base.refine_steps;
-    let (mut all, mut unrefined) = (Vec::new(), (learned == 0 && marks.first() == Some(&0)).then_some(base));
-    for &refine_views in &axes.refine_views {
-        for &refine_reduce in &axes.refine_reduce {
-            let of = |&adam_steps: &usize| Recipe { adam_steps, refine_views, refine_reduce, ..base };
-            let (none, some): (Vec<_>, Vec<_>) = marks.iter().map(of).partition(|recipe| recipe.adam_steps == 0);
-            if learned > 0 {
-                all.push(none);
-            }
-            all.push(unrefined.take().into_iter().chain(some).collect());
-        }
-    }
-    all
-}
-
-/// The ways to use a model that differ.
-fn networks(axes: &Axes, model: &Parts, start: Start) -> Vec<Recipe> {
-    let mut found: Vec<Recipe> = Vec::new();
-    for &query in &axes.query {
-        for &density in &axes.density {
-            for &theta in &axes.theta {
-                for &max_gaussians in &axes.max_gaussians {
-                    let acts = model.policy && density != Density::Off;
-                    let recipe = Recipe {
-                        network: true,
-                        query: model.query && query == Switch::On,
-                        density: if acts { density } else { Density::Off },
-                        thresholds: if acts { Thresholds { prune: theta, add: theta } } else { Thresholds::default() },
-                        max_gaussians: max_gaussians.filter(|_| acts),
-                        ..Recipe::initial(start)
-                    };
-                    if !found.contains(&recipe) {
-                        found.push(recipe);
-                    }
-                }
-            }
-        }
-    }
-    found
+    let of = |&adam_steps: &usize| {
+        let recipe = Recipe { adam_steps, ..base.recipe };
+        let whole = Recipe { refine_views: None, refine_reduce: 1, ..recipe };
+        Setting { recipe: if recipe.refines() { recipe } else { whole }, ..base.clone() }
+    };
+    let settings = marks.iter().map(of);
+    let (none, some): (Vec<_>, Vec<_>) =
+        settings.partition(|s| base.recipe.refine_steps > 0 && s.recipe.adam_steps == 0);
+    [none, some].into_iter().filter(|all| !all.is_empty()).map(|settings| Run { network, settings }).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use lgs_engine::gaussians::{Coarseness, background::Mode};
+
     use super::*;
 
-    fn axes() -> Axes {
-        Axes {
-            background: vec![Mode::Auto, Mode::Off],
-            coarseness: vec![Coarseness::default()],
-            refine_steps: vec![0, 3],
-            query: vec![Switch::On, Switch::Off],
-            density: vec![Density::Policy, Density::Off],
-            theta: vec![0.5, 0.7],
-            max_gaussians: vec![None, Some(Limit::Count(100))],
-            adam: vec![30, 10, 10],
-            then_adam: vec![0],
-            refine_views: vec![None],
-            refine_reduce: vec![1],
-            line_search: vec![LineSearch::Every],
-        }
+    /// A grid of these values, an axis that is not named being as few as can be.
+    fn axes(values: &[(&str, &str)]) -> Axes {
+        let of = |axis: &Axis| {
+            let given = values.iter().find(|(name, _)| *name == axis.name).map(|(_, values)| *values);
+            given.unwrap_or_else(|| axis.usual.split(',').next().unwrap()).split(',').collect()
+        };
+        Axes { recipes: combinations(of).unwrap(), adam: vec![30, 10, 10], then_adam: vec![0] }
+    }
+
+    const ALL: [(&str, &str); 6] = [
+        ("background", "auto,off"),
+        ("refine-steps", "0,3"),
+        ("query", "on,off"),
+        ("density", "policy,off"),
+        ("theta", "0.5,0.7"),
+        ("max-gaussians", "none,100"),
+    ];
+
+    fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
+        runs_of(std::slice::from_ref(axes), models)
     }
 
     fn model(query: bool, policy: bool) -> Parts {
@@ -214,7 +262,7 @@ mod tests {
 
     #[test]
     fn what_a_model_lacks_is_not_told_apart() {
-        let learned = |model| runs(&axes(), &[model]).iter().filter(|run| run.network.is_some()).count();
+        let learned = |model| runs(&axes(&ALL), &[model]).iter().filter(|run| run.network.is_some()).count();
         // Of the policy's four ways and the one without it.
         assert_eq!(learned(model(true, true)), 2 * 2 * 2 * (4 + 1));
         assert_eq!(learned(model(true, false)), 2 * 2 * 2);
@@ -223,16 +271,16 @@ mod tests {
 
     #[test]
     fn the_reference_is_one_run_for_all_of_its_marks() {
-        let all = runs(&axes(), &[]);
+        let all = runs(&axes(&ALL), &[]);
         assert_eq!(all.len(), 2);
         assert_eq!(all[0].settings.iter().map(Setting::steps).collect::<Vec<_>>(), [10, 30]);
-        assert!(runs(&Axes { adam: Vec::new(), ..axes() }, &[]).is_empty());
+        assert!(runs(&Axes { adam: Vec::new(), ..axes(&ALL) }, &[]).is_empty());
     }
 
     #[test]
     fn every_background_is_as_coarse_as_every_value_says() {
-        let coarseness = vec![Coarseness::FINEST, Coarseness::default()];
-        let all = runs(&Axes { coarseness: coarseness.clone(), ..axes() }, &[]);
+        let coarseness = [Coarseness::FINEST, Coarseness::default()];
+        let all = runs(&axes(&[("background", "auto,off"), ("coarseness", "0,1")]), &[]);
         let found: Vec<(Mode, Coarseness)> =
             all.iter().map(|run| (run.settings[0].recipe.background, run.settings[0].recipe.coarseness)).collect();
         assert_eq!(found, [Mode::Auto, Mode::Off].map(|mode| [0, 1].map(|k| (mode, coarseness[k]))).concat());
@@ -240,23 +288,16 @@ mod tests {
 
     #[test]
     fn what_two_grids_share_is_measured_once() {
-        let quick = Axes { adam: vec![0, 10], then_adam: vec![0], ..axes() };
-        let all = runs_of(&[axes(), quick.clone(), quick], &[]);
+        let quick = Axes { adam: vec![0, 10], then_adam: vec![0], ..axes(&ALL) };
+        let all = runs_of(&[axes(&ALL), quick.clone(), quick], &[]);
         let steps: Vec<Vec<usize>> = all.iter().map(|run| run.settings.iter().map(Setting::steps).collect()).collect();
         assert_eq!(steps, [vec![10, 30], vec![10, 30], vec![0], vec![0]]);
     }
 
     #[test]
     fn what_a_refinement_looks_at_is_told_apart_where_there_is_one() {
-        let axes = Axes {
-            background: vec![Mode::Auto],
-            query: vec![Switch::On],
-            density: vec![Density::Off],
-            adam: Vec::new(),
-            then_adam: vec![10, 0],
-            refine_reduce: vec![1, 2],
-            ..axes()
-        };
+        let few = [("refine-steps", "0,3"), ("refine-reduce", "1,2")];
+        let axes = Axes { adam: Vec::new(), then_adam: vec![10, 0], ..axes(&few) };
         let all = runs(&axes, &[model(true, false)]);
         let of = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
             steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
@@ -274,15 +315,8 @@ mod tests {
 
     #[test]
     fn a_line_search_is_told_apart_where_there_are_steps_to_search_along() {
-        let axes = Axes {
-            background: vec![Mode::Auto],
-            refine_steps: vec![0, 1, 3],
-            query: vec![Switch::On],
-            density: vec![Density::Off],
-            adam: Vec::new(),
-            line_search: vec![LineSearch::Every, LineSearch::Last, LineSearch::Off],
-            ..axes()
-        };
+        let few = [("refine-steps", "0,1,3"), ("line-search", "every,last,off")];
+        let axes = Axes { adam: Vec::new(), ..axes(&few) };
         let of = |line_search| runs(&axes, &[Parts { line_search, ..model(true, false) }]).len();
         assert_eq!((of(true), of(false)), (1 + 2 + 3, 3));
     }

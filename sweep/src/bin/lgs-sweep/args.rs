@@ -137,7 +137,6 @@ mod tests {
         gaussians::background::Mode,
         refine::LineSearch,
     };
-    use lgs_sweep::grid::Switch;
 
     fn parse(line: &str) -> Result<Args, clap::Error> {
         Args::try_parse_from(std::iter::once("lgs-sweep").chain(line.split(' ')))
@@ -168,12 +167,14 @@ mod tests {
     fn values_are_lists() {
         let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --line-search off,last --density random --query off --background none";
         let axes = parse(line).unwrap().axes().remove(0);
-        assert_eq!(axes.max_gaussians, [None, Some(Limit::Count(500)), Some(Limit::Percent(70))]);
-        assert_eq!((axes.refine_views, axes.adam), (vec![None, NonZeroUsize::new(2)], vec![5, 1]));
-        assert_eq!((axes.then_adam, axes.refine_reduce), (vec![0, 4], vec![4]));
-        assert_eq!(axes.line_search, [LineSearch::Off, LineSearch::Last]);
-        assert_eq!((axes.density, axes.query), (vec![Density::Random], vec![Switch::Off]));
-        assert_eq!(axes.background, [Mode::Off]);
+        assert_eq!((axes.adam, axes.then_adam, axes.recipes.len()), (vec![5, 1], vec![0, 4], 3 * 3 * 2 * 2));
+        let limits: Vec<_> = axes.recipes.iter().step_by(12).map(|recipe| recipe.max_gaussians).collect();
+        assert_eq!(limits, [None, Some(Limit::Count(500)), Some(Limit::Percent(70))]);
+        let [first, last] = [axes.recipes[0], axes.recipes[35]];
+        assert_eq!((first.refine_views, last.refine_views), (None, NonZeroUsize::new(2)));
+        assert_eq!((first.line_search, last.line_search), (LineSearch::Off, LineSearch::Last));
+        assert_eq!((first.refine_steps, last.refine_steps, last.refine_reduce), (0, 3, 4));
+        assert_eq!((first.density, first.query, first.background), (Density::Random, false, Mode::Off));
         assert!(parse("a --out o --no-adam").unwrap().axes()[0].adam.is_empty());
     }
 
@@ -193,10 +194,7 @@ mod tests {
         ];
         let axes = Args::try_parse_from(line).unwrap().axes();
         assert_eq!((axes.len(), axes[0].then_adam.clone()), (3, vec![7]));
-        assert_eq!(
-            (axes[1].background.clone(), axes[1].adam.len(), axes[2].adam.clone()),
-            (vec![Mode::Gaps], 0, vec![4])
-        );
+        assert_eq!((axes[1].recipes[0].background, axes[1].adam.len(), axes[2].adam.clone()), (Mode::Gaps, 0, vec![4]));
         assert_eq!(axes[1].then_adam, axes[2].then_adam, "as usual");
         for wrong in ["--out x", "--refine-steps x", "clip", "--theta 2"] {
             let said = Args::try_parse_from(["lgs-sweep", "a", "--out", "o", "--also", wrong]).unwrap_err().to_string();

@@ -1,8 +1,8 @@
 //! Values of flags and how they are read.
 
-use std::{num::NonZeroUsize, str::FromStr};
+use std::str::FromStr;
 
-use lgs_engine::{densify::Limit, network::source::ModelSource};
+use lgs_engine::network::source::ModelSource;
 use lgs_train::ablate::choice::Choice;
 
 /// A clip and its own options.
@@ -45,14 +45,6 @@ impl FromStr for WeightsArg {
     }
 }
 
-/// Largest number or share of Gaussians; `None` for no limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Most(pub(crate) Option<Limit>);
-
-/// Views of a step; `None` for all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Views(pub(crate) Option<NonZeroUsize>);
-
 /// Numbers of a clip and of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct One {
@@ -69,37 +61,9 @@ impl FromStr for One {
     }
 }
 
-pub(crate) fn most(text: &str) -> Result<Most, String> {
-    if text == "none" {
-        return Ok(Most(None));
-    }
-    let limit = text.parse().ok().filter(|limit| !matches!(limit, Limit::Count(0) | Limit::Percent(0)));
-    limit
-        .map(|limit| Most(Some(limit)))
-        .ok_or_else(|| format!("expected a number from 1 on, a share such as 70% or none, found {text:?}"))
-}
-
-pub(crate) fn views(text: &str) -> Result<Views, String> {
-    if text == "all" {
-        return Ok(Views(None));
-    }
-    let number = text.parse().ok().map(|number| Views(Some(number)));
-    number.ok_or_else(|| format!("expected a number from 1 on or all, found {text:?}"))
-}
-
 pub(crate) fn steps<const MOST: usize>(text: &str) -> Result<usize, String> {
     let value = text.parse().ok().filter(|steps| *steps <= MOST);
     value.ok_or_else(|| format!("expected a number from 0 to {MOST}, found {text:?}"))
-}
-
-pub(crate) fn reduce(text: &str) -> Result<usize, String> {
-    let value = text.parse().ok().filter(|factor| (1..=64).contains(factor));
-    value.ok_or_else(|| format!("expected a number from 1 to 64, found {text:?}"))
-}
-
-pub(crate) fn theta(text: &str) -> Result<f32, String> {
-    let value = text.parse().ok().filter(|value: &f32| (0.0..=1.0).contains(value));
-    value.ok_or_else(|| format!("expected a score from 0 to 1, found {text:?}"))
 }
 
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
