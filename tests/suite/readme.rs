@@ -1,22 +1,87 @@
-//! The README: every command of its `sh` blocks runs, and every file that it promises is there afterwards.
+//! The pages for people, which are `README.md`, `ARCHITECTURE.md` and those of `docs`: every command of their `sh` blocks runs, every file
+//! that they promise is there afterwards, every link leads somewhere, and the README is short.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 
 use lgs_tests::process::{Finished, binary, run};
-use lgs_tests::readme::{Block, built_binary, named_paths, shell_blocks};
+use lgs_tests::readme::{Block, Link, anchors, built_binary, links, named_paths, shell_blocks};
+use lgs_tests::sources::{offence, project_files};
 use lgs_tests::{Outcome, case, clips, places};
 use libtest_mimic::Trial;
 
-/// Where the README's commands write.
+/// The page that everybody reads.
+const README: &str = "README.md";
+/// Most lines of it.
+const MAX_LINES: usize = 120;
+/// Where the commands write.
 const OUT: &str = "out";
 
 pub(crate) fn cases() -> Vec<Trial> {
-    vec![case("readme::commands_run_and_files_exist", commands_run), case("readme::parser", parser)]
+    let mut cases = vec![
+        case("readme::is_short", is_short),
+        case("readme::links_lead_somewhere", links_lead_somewhere),
+        case("readme::parser", parser),
+        case("readme::link_parser", link_parser),
+    ];
+    match pages() {
+        Ok(pages) => cases.extend(pages.into_iter().map(|page| {
+            let name = page.trim_end_matches(".md").replace('/', "::").to_lowercase();
+            case(format!("readme::commands_run_and_files_exist::{name}"), move || commands_run(&page))
+        })),
+        Err(error) => cases.push(case("readme::commands_run_and_files_exist", move || Err(error.into()))),
+    }
+    cases
 }
 
-fn commands_run() -> Outcome {
-    let page = fs::read_to_string(places::repository().join("README.md"))?;
+/// The pages, relative to the repository.
+fn pages() -> io::Result<Vec<String>> {
+    let mut pages = vec![README.to_owned(), "ARCHITECTURE.md".to_owned()];
+    for entry in fs::read_dir(places::repository().join("docs"))? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        pages.extend(name.ends_with(".md").then(|| format!("docs/{name}")));
+    }
+    pages.sort();
+    Ok(pages)
+}
+
+fn is_short() -> Outcome {
+    let lines = fs::read_to_string(places::repository().join(README))?.lines().count();
+    if lines <= MAX_LINES { Ok(()) } else { Err(format!("{README}: {lines} lines, at most {MAX_LINES}").into()) }
+}
+
+/// Every page of the project, not only those whose commands run.
+fn links_lead_somewhere() -> Outcome {
+    let root = places::repository();
+    let mut offences = Vec::new();
+    for page in project_files(root)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "md")) {
+        let text = fs::read_to_string(root.join(&page))?;
+        for link in links(&text) {
+            offences.extend(dead(root, &page, &text, &link).map(|why| offence(&page, link.line, &why)));
+        }
+    }
+    if offences.is_empty() { Ok(()) } else { Err(offences.join("\n").into()) }
+}
+
+/// Why a link of a page leads nowhere; `None` where it leads somewhere, or out of the repository.
+fn dead(root: &Path, page: &Path, text: &str, link: &Link) -> Option<String> {
+    if link.target.contains(':') {
+        return None;
+    }
+    let (file, anchor) = link.target.split_once('#').map_or((link.target.as_str(), None), |(f, a)| (f, Some(a)));
+    let path = root.join(page.parent().unwrap_or(page)).join(file);
+    if !file.is_empty() && !path.exists() {
+        return Some(format!("links to {file}, which does not exist"));
+    }
+    let headings =
+        if file.is_empty() { anchors(text) } else { fs::read_to_string(path).map_or(Vec::new(), |t| anchors(&t)) };
+    let anchor = anchor.filter(|anchor| !headings.iter().any(|heading| heading == anchor))?;
+    Some(format!("links to {}, but there is no heading {anchor} among {headings:?}", link.target))
+}
+
+fn commands_run(page: &str) -> Outcome {
+    let text = fs::read_to_string(places::repository().join(page))?;
     let place = tempfile::tempdir()?;
     for data in ["clips", "models", "tests/fixtures"] {
         let from = places::repository().join(data);
@@ -25,22 +90,22 @@ fn commands_run() -> Outcome {
         }
     }
     let mut num_run = 0;
-    for block in shell_blocks(&page) {
+    for block in shell_blocks(&text) {
         for command in block.commands.iter().filter(|command| !belongs_to_the_caller(command)) {
             let finished = execute(command, place.path())?;
-            finished.expect_success().map_err(|e| format!("README.md:{}: {command}: {}", block.line, text(&e)))?;
+            finished.expect_success().map_err(|e| format!("{page}:{}: {command}: {}", block.line, message(&e)))?;
             num_run += 1;
         }
     }
-    if num_run == 0 {
-        return Err("README.md has no command that could be run".into());
+    if num_run == 0 && page == README {
+        return Err(format!("{page} has no command that could be run").into());
     }
     let missing: Vec<_> =
-        named_paths(&page, OUT).into_iter().filter(|path| !place.path().join(path).exists()).collect();
-    if missing.is_empty() { Ok(()) } else { Err(format!("README.md promises {missing:?}").into()) }
+        named_paths(&text, OUT).into_iter().filter(|path| !place.path().join(path).exists()).collect();
+    if missing.is_empty() { Ok(()) } else { Err(format!("{page} promises {missing:?}").into()) }
 }
 
-fn text(failure: &libtest_mimic::Failed) -> String {
+fn message(failure: &libtest_mimic::Failed) -> String {
     failure.message().unwrap_or_default().to_owned()
 }
 
@@ -75,4 +140,24 @@ fn parser() -> Outcome {
     }
     let paths = named_paths(page, OUT);
     if paths == ["out/a.png"] { Ok(()) } else { Err(format!("got {paths:?}").into()) }
+}
+
+fn link_parser() -> Outcome {
+    let page = "# A `b.c`: d-e\n[x](y.md) `[no](code\n.md)` [`z`](#a-bc-d-e)\n```sh\n# none\n[no](code.md)\n```\n\n## Two\n## Two\n\
+                ``a ` [no](b)`` ![p](q.png)\n#none\nan open ` and [w](https://w)\n";
+    let link = |line, target: &str| Link { line, target: target.to_owned() };
+    let want = [link(2, "y.md"), link(3, "#a-bc-d-e"), link(11, "q.png"), link(13, "https://w")];
+    let got = links(page);
+    if got != want {
+        return Err(format!("got {got:#?}, want {want:#?}").into());
+    }
+    let headings = anchors(page);
+    if headings != ["a-bc-d-e", "two", "two-1"] {
+        return Err(format!("got {headings:?}").into());
+    }
+    let root = tempfile::tempdir()?;
+    fs::write(root.path().join("y.md"), "# Y\n")?;
+    let found = ["y.md", "y.md#y", "#two-1", "https://w#v", "z.md", "y.md#z", "#y"]
+        .map(|target| dead(root.path(), Path::new("x.md"), page, &link(1, target)).is_some());
+    if found == [false, false, false, false, true, true, true] { Ok(()) } else { Err(format!("got {found:?}").into()) }
 }

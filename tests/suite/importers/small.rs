@@ -10,6 +10,9 @@ use lgs_tests::{Needed, Outcome, case, case_if, clips, places};
 use libtest_mimic::Trial;
 use serde_json::json;
 
+/// The page that tells of other programs.
+const VIEWERS: &str = "docs/viewers.md";
+
 pub(crate) fn cases() -> Vec<Trial> {
     let ffmpeg = match Command::new("ffmpeg").arg("-version").output() {
         Ok(output) if output.status.success() => Needed::Here,
@@ -22,7 +25,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case(name("a_compressed_scene_is_no_ply"), no_ply),
         case(name("depth_maps_of_f64"), wide_depth),
         case(name("columns_that_other_programs_ask_for"), f_rest),
-        case(name("the_readme_says_it"), readme),
+        case(name("the_page_on_viewers_says_it"), page_on_viewers),
         case_if(&ffmpeg, name("a_film_of_an_odd_height"), film),
     ]
 }
@@ -141,19 +144,19 @@ fn f_rest() -> Outcome {
     if same && a.len() / 17 == b.len() / 62 && !a.is_empty() { Ok(()) } else { Err("other values".into()) }
 }
 
-fn readme() -> Outcome {
-    let text = fs::read_to_string(places::repository().join("README.md"))?;
+fn page_on_viewers() -> Outcome {
+    let text = fs::read_to_string(places::repository().join(VIEWERS))?;
     for words in ["z is up", "--f-rest", "pad=ceil(iw/2)*2:ceil(ih/2)*2"] {
         if !text.contains(words) {
-            return Err(format!("README.md does not say {words}").into());
+            return Err(format!("{VIEWERS} does not say {words}").into());
         }
     }
     Ok(())
 }
 
-/// The README's own line on pictures of odd sides.
+/// The page's own line on pictures of odd sides.
 fn film() -> Outcome {
-    let text = fs::read_to_string(places::repository().join("README.md"))?;
+    let text = fs::read_to_string(places::repository().join(VIEWERS))?;
     let line = text.split('`').find(|code| code.starts_with("ffmpeg ")).ok_or("no line for ffmpeg")?;
     let place = tempfile::tempdir()?;
     let pictures = place.path().join("out/street_film/path");
