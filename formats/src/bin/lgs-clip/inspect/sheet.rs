@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use lgs_formats::{
     clip_dir::ClipDir,
     image::{ImageSize, PixelLabel, RgbImage, write_png},
@@ -23,7 +23,7 @@ const MAX_FRAMES: usize = 4;
 /// Depths of the first and the last colour, metres.
 const DEPTHS: [f64; 2] = [2.0, 80.0];
 
-/// Writes the sheet of a clip that has images and returns what its rows and columns are.
+/// Writes the sheet of a clip that has images, in a folder that is made when it is missing, and returns what its rows and columns are.
 pub(crate) fn contact_sheet(dir: &ClipDir, file: &Path) -> Result<String> {
     let clip = dir.clip();
     let with_images: Vec<usize> = (0..clip.frames.len()).filter(|&f| !clip.frames[f].cameras.is_empty()).collect();
@@ -40,6 +40,9 @@ pub(crate) fn contact_sheet(dir: &ClipDir, file: &Path) -> Result<String> {
         }
     }
     let rows = chosen.iter().map(|&frame| row(dir, frame, &names)).collect::<Result<Vec<_>>>()?;
+    if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| format!("{}: create", folder.display()))?;
+    }
     write_png(file, &stacked(&rows, names.len()))?;
     let frames: Vec<String> = chosen.iter().map(usize::to_string).collect();
     Ok(format!("rows are frames {}, columns {}", frames.join(", "), names.join(", ")))
