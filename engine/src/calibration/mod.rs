@@ -48,7 +48,7 @@ pub struct Believed<'a> {
     pub lenses: Lenses,
     /// Those on mounts.
     pub mounts: Mounts,
-    /// The camera against which the others are mounted; the first where it takes no part.
+    /// The camera against which the others are mounted; `None` for the one against which they are least off.
     pub reference: Option<&'a str>,
 }
 

@@ -27,7 +27,8 @@ pub struct Opening {
     pub mounts: Mounts,
     /// Whether cameras are brought to common colours.
     pub colours: Colours,
-    /// The camera to whose colours and mount the others are brought; `None` for the first.
+    /// The camera to whose colours and mount the others are brought; `None` for the first, and for mounts the one against which the others are
+    /// least off.
     pub reference_camera: Option<String>,
     /// The frame and time zero to work in; `None` for those of the first input frame.
     pub clip_frame: Option<ClipFrame>,

@@ -98,7 +98,8 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) colours: Colours,
 
-    /// The camera whose colours and mount the others are brought to [default: the first]
+    /// The camera to whose colours and mount the others are brought [default: the first; for mounts the one against which the others are
+    /// least off]
     #[arg(long, value_name = "NAME")]
     pub(crate) reference_camera: Option<String>,
 
