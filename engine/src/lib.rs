@@ -31,6 +31,8 @@ pub mod loss;
 
 pub mod objective;
 
+pub mod evidence;
+
 pub mod refine;
 
 pub mod evaluate;

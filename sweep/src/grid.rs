@@ -1,7 +1,7 @@
 //! From values along several axes to the configurations that differ.
 
 use lgs_engine::{
-    densify::{Density, Limit, Thresholds},
+    densify::{Density, Limit, Scope, Thresholds},
     recipe::{KNOBS, Recipe},
     refine::LineSearch,
 };
@@ -24,7 +24,7 @@ pub struct Axis {
 }
 
 /// All of them but those of per-scene optimisation.
-pub const AXES: [Axis; 10] = [
+pub const AXES: [Axis; 11] = [
     Axis { name: "background", knobs: &["background"], none: "", usual: "auto,gaps", help: "Backgrounds" },
     Axis {
         name: "coarseness",
@@ -45,7 +45,14 @@ pub const AXES: [Axis; 10] = [
         knobs: &["density"],
         none: "",
         usual: "policy,off",
-        help: "Who prunes and adds primitives, for weights that have a policy",
+        help: "Who prunes and adds primitives; policy and random for weights that have a policy",
+    },
+    Axis {
+        name: "density-scope",
+        knobs: &["density-scope"],
+        none: "",
+        usual: "all",
+        help: "Which Gaussians exact pruning may take",
     },
     Axis {
         name: "theta",
@@ -59,7 +66,7 @@ pub const AXES: [Axis; 10] = [
         knobs: &["max-gaussians"],
         none: "none",
         usual: "none",
-        help: "Largest numbers of LiDAR Gaussians after pruning and adding, shares of those before, or none, where a policy acts",
+        help: "Largest numbers of Gaussians after pruning and adding, of those that the density may change, shares of those before, or none",
     },
     Axis {
         name: "refine-steps",
@@ -195,7 +202,12 @@ fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
 
 /// The recipe without what makes no difference to a model.
 fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
-    let acts = model.policy && recipe.density != Density::Off;
+    let acts = match recipe.density {
+        Density::Off => false,
+        Density::Exact => true,
+        Density::Policy | Density::Random => model.policy,
+    };
+    let exact = recipe.density == Density::Exact;
     let searches = match recipe.line_search {
         // The only step is the last one.
         LineSearch::Last => model.line_search && recipe.refine_steps > 1,
@@ -205,7 +217,8 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
         network: true,
         query: recipe.query && model.query,
         density: if acts { recipe.density } else { Density::Off },
-        thresholds: if acts { recipe.thresholds } else { Thresholds::default() },
+        density_scope: if exact { recipe.density_scope } else { Scope::All },
+        thresholds: if acts && !exact { recipe.thresholds } else { Thresholds::default() },
         max_gaussians: recipe.max_gaussians.filter(|_| acts),
         line_search: if searches { recipe.line_search } else { LineSearch::Every },
         ..recipe

@@ -55,14 +55,17 @@ pub struct Counts {
     pub added: usize,
     /// `LiDAR` branch at the end.
     pub last: usize,
-    /// Background branch.
+    /// Taken from the background branch.
+    #[serde(default)]
+    pub background_pruned: usize,
+    /// Background branch at the end.
     pub background: usize,
 }
 
 impl From<GaussianCounts> for Counts {
     fn from(counts: GaussianCounts) -> Self {
-        let GaussianCounts { returns, initial, pruned, added, last, background } = counts;
-        Self { returns, initial, pruned, added, last, background }
+        let GaussianCounts { returns, initial, pruned, added, last, background_pruned, background } = counts;
+        Self { returns, initial, pruned, added, last, background_pruned, background }
     }
 }
 

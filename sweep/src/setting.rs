@@ -1,7 +1,12 @@
 //! One configuration of a reconstruction: a recipe and weights.
 
 use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode, recipe::Recipe, refine::LineSearch};
+use lgs_engine::{
+    densify::{Density, Scope},
+    gaussians::background::Mode,
+    recipe::Recipe,
+    refine::LineSearch,
+};
 use serde::{Deserialize, Serialize};
 
 use super::error::{Result, SweepError};
@@ -74,6 +79,10 @@ impl Setting {
             parts.extend((!recipe.query).then(|| "no query".to_owned()));
             match recipe.density {
                 Density::Policy => {}
+                Density::Exact if recipe.density_scope == Scope::Lidar => {
+                    parts.push("LiDAR pruned by exact effects".to_owned())
+                }
+                Density::Exact => parts.push("pruned by exact effects".to_owned()),
                 Density::Random => parts.push("density by chance".to_owned()),
                 Density::Off => parts.push("no policy".to_owned()),
             }

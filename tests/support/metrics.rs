@@ -33,7 +33,7 @@ const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
 const REFINE: [&str; 7] =
     ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients", "non_finite_outputs"];
 const REFINE_STAGES: [&str; 3] = ["refine_render", "refine_loss", "refine_network"];
-const GAUSSIANS: [&str; 6] = ["returns", "initial", "pruned", "added", "final", "background"];
+const GAUSSIANS: [&str; 7] = ["returns", "initial", "pruned", "added", "final", "background_pruned", "background"];
 const STAGES: [&str; 10] =
     ["load", "points", "background", "backbone", "query", "policy", "set_update", "refine", "render", "evaluate"];
 

@@ -9,6 +9,7 @@
 
 mod apply;
 mod budget;
+mod halve;
 mod limit;
 mod random;
 mod scores;
@@ -17,6 +18,7 @@ mod tests;
 
 pub use apply::{COPY_NOISE, apply, origins};
 pub use budget::{by_budget, decide};
+pub use halve::{Change, change};
 pub use limit::Limit;
 pub use random::at_random;
 pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};
@@ -27,10 +29,30 @@ pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};
 pub enum Density {
     /// The learned policy.
     Policy,
+    /// What taking each out costs in the input views, measured in rounds.
+    Exact,
     /// Chance, as often as the policy would: the ablation.
     Random,
     /// Nobody: the set stays as it is.
     Off,
+}
+
+/// Which Gaussians exact pruning may take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scope {
+    /// Those of both branches.
+    #[default]
+    All,
+    /// Those of the `LiDAR` branch.
+    Lidar,
+}
+
+impl Scope {
+    /// Whether it is the usual one.
+    pub fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// What happens to one primitive.
@@ -51,10 +73,12 @@ pub struct UpdateCounts {
     pub pruned: usize,
     /// Copies added.
     pub added: usize,
+    /// Taken out of the background.
+    pub background_pruned: usize,
 }
 
 /// How many prunes and copies there are.
 pub fn count(actions: &[Action]) -> UpdateCounts {
     let of = |action| actions.iter().filter(|&&a| a == action).count();
-    UpdateCounts { pruned: of(Action::Prune), added: of(Action::Copy) }
+    UpdateCounts { pruned: of(Action::Prune), added: of(Action::Copy), background_pruned: 0 }
 }

@@ -7,6 +7,7 @@ mod disc;
 mod initial;
 pub mod motion;
 pub mod physical;
+pub mod split;
 
 pub use coarseness::Coarseness;
 pub use dense::merge_dense;

@@ -53,7 +53,7 @@ impl LossCounts {
     }
 
     /// Loss by the sums of absolute colour errors and of `1 - similarity` over the channels, and of absolute depth errors.
-    fn loss(&self, weights: &LossWeights, [colour, dissimilarity, depth]: [f64; 3]) -> f64 {
+    pub(super) fn loss(&self, weights: &LossWeights, [colour, dissimilarity, depth]: [f64; 3]) -> f64 {
         let mean =
             |weight: f32, sum: f64, count: usize| if count == 0 { 0.0 } else { f64::from(weight) * sum / count as f64 };
         mean(weights.l1, colour, 3 * self.pixels)

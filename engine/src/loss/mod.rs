@@ -4,6 +4,7 @@
 //! truth stands in for what was rendered there, so they cost nothing and have no gradient, the mean absolute error is over
 //! the other pixels, and the mean similarity over the window centres that are not ignored.
 
+mod costs;
 mod depth;
 mod l1;
 mod map;
@@ -21,6 +22,7 @@ use crate::{
     render::{ImageGradient, Rendered},
     views::View,
 };
+pub use costs::pixel_costs;
 pub(crate) use depth::depth_errors;
 pub use map::{LossCounts, LossMap, loss_map, patch_change};
 pub use residual::residual_image;

@@ -5,13 +5,15 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{Stage, Watch};
-use crate::densify::{self, Density, DensityMap, Limit, Scores, Thresholds, UpdateCounts};
+use crate::densify::{self, Density, DensityMap, Limit, Scope, Scores, Thresholds, UpdateCounts};
 use crate::error::{EngineError, Result};
+use crate::evidence::{ROUNDS, prune};
 use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
 use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
+use crate::render::{Pass, Probes};
 use crate::views::View;
 
 /// How the network is used.
@@ -27,7 +29,9 @@ pub struct NetworkSettings<'a> {
     pub density: Density,
     /// Scores above which a primitive is pruned or copied.
     pub thresholds: Thresholds,
-    /// Largest number of primitives of the `LiDAR` branch after the set update.
+    /// Which Gaussians exact pruning may take.
+    pub density_scope: Scope,
+    /// Largest number of those that it may take after the set update.
     pub max_gaussians: Option<Limit>,
     /// Seed of the set update.
     pub seed: u64,
@@ -80,8 +84,8 @@ pub fn run_network(
     let model = settings.model;
     let set_update_skipped = match (settings.density, &model.policy) {
         (Density::Off, _) => Some(UpdateSkipped::Off),
+        (Density::Exact, _) | (_, Some(_)) => None,
         (_, None) => Some(UpdateSkipped::NotInModel),
-        (_, Some(_)) => None,
     };
     settings.check_budget(set_update_skipped)?;
     let mut features = watch.stage(Stage::Backbone, 1, |_| backbone(scene, model))?;
@@ -92,7 +96,13 @@ pub fn run_network(
     };
     watch.time(Stage::Backbone, |_| predict(scene, &mut features, model))?;
     let (mut update, mut density) = (UpdateCounts::default(), None);
-    if set_update_skipped.is_none()
+    if settings.density == Density::Exact {
+        Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+        update = watch.stage(Stage::SetUpdate, ROUNDS, |progress| {
+            let of = (settings.density_scope, settings.max_gaussians);
+            prune(scene, views, of, &mut || progress.step(Stage::SetUpdate))
+        });
+    } else if set_update_skipped.is_none()
         && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&mut features, scene, model))?
     {
         let scores = Scores { prune, add };
@@ -121,6 +131,7 @@ impl<'a> NetworkSettings<'a> {
             },
             query: recipe.query,
             density: recipe.density,
+            density_scope: recipe.density_scope,
             thresholds: recipe.thresholds,
             max_gaussians: recipe.max_gaussians,
             seed,

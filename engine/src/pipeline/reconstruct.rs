@@ -35,7 +35,9 @@ pub struct GaussianCounts {
     /// `LiDAR` branch at the end: `initial - pruned + added`.
     #[serde(rename = "final")]
     pub last: usize,
-    /// Background branch, which the set update does not change.
+    /// Taken from the background branch by the set update.
+    pub background_pruned: usize,
+    /// Background branch at the end.
     pub background: usize,
 }
 
@@ -159,6 +161,7 @@ impl<'a> Begun<'a> {
             pruned: update.pruned,
             added: update.added,
             last: scene.num_lidar,
+            background_pruned: update.background_pruned,
             background: scene.len() - scene.num_lidar,
         };
         let seconds = start.elapsed().as_secs_f64();

@@ -36,7 +36,7 @@ pub struct Knob {
 }
 
 /// All of them, in the order in which they are applied.
-pub const KNOBS: [Knob; 12] = [
+pub const KNOBS: [Knob; 13] = [
     Knob {
         name: "background",
         usual: "auto",
@@ -84,8 +84,12 @@ pub const KNOBS: [Knob; 12] = [
         value: "WORD",
         help: "Who prunes and adds primitives [default: policy]",
         words: &[
-            ("policy", "The learned policy"),
-            ("random", "Chance, as often as the policy would: the ablation"),
+            ("policy", "The learned policy, of the LiDAR's"),
+            (
+                "exact",
+                "Whatever the input views show best without, measured in rounds; to --max-gaussians where that is given",
+            ),
+            ("random", "Chance, as often as the policy would, of the LiDAR's: the ablation"),
             ("off", "Nobody: the set stays as it is"),
         ],
         set: |recipe, text| {
@@ -96,6 +100,16 @@ pub const KNOBS: [Knob; 12] = [
         },
         get: |recipe| recipe.network.then(|| json!(recipe.density)),
         always: true,
+    },
+    Knob {
+        name: "density-scope",
+        usual: "all",
+        value: "WORD",
+        help: "Which Gaussians --density exact may prune, and --max-gaussians then counts [default: all]",
+        words: &[("all", "Those of the LiDAR and those behind them"), ("lidar", "Those of the LiDAR")],
+        set: |recipe, text| put_word(&mut recipe.density_scope, text),
+        get: |recipe| recipe.network.then(|| json!(recipe.density_scope)),
+        always: false,
     },
     Knob {
         name: "theta-prune",
@@ -121,8 +135,9 @@ pub const KNOBS: [Knob; 12] = [
         name: "max-gaussians",
         usual: "",
         value: "N|P%",
-        help: "Largest number of LiDAR Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: the worst go \
-               first, then the best copies come; needs a policy's scores [default: as many as the scores ask for]",
+        help: "Largest number of Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: of the whole scene \
+               with --density exact, of the LiDAR's with a policy; the worst go first, then the best copies come [default: as many as the \
+               effects or scores ask for]",
         words: &[],
         set: |recipe, text| {
             recipe.max_gaussians = Some(text.parse()?);

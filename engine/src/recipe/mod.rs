@@ -7,7 +7,7 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    densify::{Density, Limit, Thresholds},
+    densify::{Density, Limit, Scope, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
     refine::{LineSearch, Turns},
 };
@@ -32,7 +32,10 @@ pub struct Recipe {
     /// Scores above which the policy prunes and adds.
     #[serde(default, skip_serializing_if = "Thresholds::are_usual")]
     pub thresholds: Thresholds,
-    /// Largest number of `LiDAR` Gaussians after that; `None` for no limit.
+    /// Which Gaussians exact pruning may take.
+    #[serde(default, skip_serializing_if = "Scope::is_usual")]
+    pub density_scope: Scope,
+    /// Largest number of Gaussians after that, of those that the update may take; `None` for no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gaussians: Option<Limit>,
     /// Steps of the learned refinement; 0 without a network.
@@ -57,6 +60,7 @@ impl Default for Recipe {
             network: true,
             query: true,
             density: Density::Policy,
+            density_scope: Scope::All,
             thresholds: Thresholds::default(),
             max_gaussians: None,
             refine_steps: 3,

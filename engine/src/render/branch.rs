@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::constants::{TRANSMITTANCE_MIN, UNSEEN};
 use super::project::Footprint;
 use super::tiles::{bin, tiles_of_each, visible_by_depth};
 use super::{RenderedWithState, forward};
@@ -76,8 +77,18 @@ impl Projection {
 
     /// The images over a background colour, with the state that [`backward`](super::backward) needs.
     pub fn render(self, view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
+        self.composite(view, background, TRANSMITTANCE_MIN)
+    }
+
+    /// As [`Projection::render`], but that compositing goes on behind what is opaque: until what is left is below the precision of the colours
+    /// whatever Gaussian is taken away in front.
+    pub fn render_through(self, view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
+        self.composite(view, background, UNSEEN)
+    }
+
+    fn composite(self, view: &PinholeView, background: [f32; 3], opaque: f32) -> RenderedWithState {
         let lists = bin(self.footprints, self.first_slot, self.tiles, view);
-        let tiles = forward::composite(&lists);
+        let tiles = forward::composite(&lists, opaque);
         let images = forward::assemble(&tiles, lists.grid, [view.width, view.height], background);
         RenderedWithState { images, lists, tiles, background }
     }

@@ -10,6 +10,9 @@ pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 pub const LOG2_ALPHA_MIN: f32 = -7.994_36;
 /// A Gaussian that would bring the transmittance to this or below is left out and ends the pixel (gsplat).
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
+/// Transmittance behind which nothing shows, even where one opaque Gaussian ([`ALPHA_MAX`]) is taken out in front: a thousandth of f32's
+/// precision.
+pub const UNSEEN: f32 = 1e-10;
 /// Gaussians nearer than this along the camera's z axis are not drawn, metres (gsplat `near_plane`).
 pub const NEAR_PLANE: f64 = 0.01;
 /// The Jacobian is taken inside the image widened by this share of the tangent of half the field of view (gsplat).

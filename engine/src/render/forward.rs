@@ -4,7 +4,7 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::Rendered;
-use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TRANSMITTANCE_MIN};
+use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
 use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
 use super::tiles::{TileGrid, TileLists};
@@ -18,13 +18,13 @@ pub(super) const STOP: usize = 5;
 /// After so many Gaussians a tile looks whether all its pixels have ended.
 const CHECK_EVERY: usize = 16;
 
-/// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`.
-pub(super) fn composite(lists: &TileLists) -> Vec<f32> {
+/// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`. A Gaussian that would bring the transmittance to `opaque` or below ends the pixel.
+pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
     let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
     tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
         let (entries, origin) = (lists.entries_of(tile), lists.grid.origin(tile));
-        arch.dispatch(CompositeTile { footprints: &lists.footprints, entries, origin, planes });
+        arch.dispatch(CompositeTile { footprints: &lists.footprints, entries, origin, planes, opaque });
     });
     tiles
 }
@@ -38,6 +38,8 @@ pub(super) struct CompositeTile<'a> {
     pub(super) origin: [usize; 2],
     /// `[PLANES, TILE_PIXELS]` to fill; zeros.
     pub(super) planes: &'a mut [f32],
+    /// Transmittance at which a pixel ends.
+    pub(super) opaque: f32,
 }
 
 impl WithSimd for CompositeTile<'_> {
@@ -45,14 +47,14 @@ impl WithSimd for CompositeTile<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { footprints, entries, origin, planes } = self;
+        let Self { footprints, entries, origin, planes, opaque } = self;
         planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
         planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
         let broadcast = Broadcast::new(simd);
         let vectors = S::as_mut_simd_f32s(planes).0;
         for (position, &entry) in entries.iter().enumerate() {
             let footprint = &footprints[entry as usize];
-            blend(simd, &broadcast, vectors, footprint, &origin, position as f32);
+            blend(simd, &broadcast, vectors, footprint, (&origin, opaque), position as f32);
             if position % CHECK_EVERY == CHECK_EVERY - 1 && all_ended(simd, vectors) {
                 break;
             }
@@ -67,7 +69,7 @@ fn blend<S: Simd>(
     broadcast: &Broadcast<S>,
     planes: &mut [S::f32s],
     f: &Footprint,
-    origin: &[usize; 2],
+    (origin, opaque): (&[usize; 2], f32),
     position: f32,
 ) {
     let per_plane = TILE_PIXELS / S::F32_LANES;
@@ -75,7 +77,7 @@ fn blend<S: Simd>(
     let colour = f.colour.map(|c| simd.splat_f32s(c));
     let depth = simd.splat_f32s(f.depth);
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    let threshold = simd.splat_f32s(TRANSMITTANCE_MIN);
+    let threshold = simd.splat_f32s(opaque);
     let position = simd.splat_f32s(position);
     let (red, rest) = planes.split_at_mut(per_plane);
     let (green, rest) = rest.split_at_mut(per_plane);

@@ -1,6 +1,6 @@
 //! What a single Gaussian changes: only the tiles that it touches are composited again.
 
-use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TRANSMITTANCE_MIN};
 use super::forward::{CompositeTile, PLANES, TRANSMITTANCE};
 use super::project::{Footprint, Projector};
 use super::tiles::push_tiles;
@@ -71,7 +71,15 @@ impl<'a> Redraw<'a> {
             let footprints = list_of(lists.entries_of(tile));
             let entries: Vec<u32> = (0..).take(footprints.len()).collect();
             let mut planes = vec![0.0; PLANES * TILE_PIXELS];
-            arch.dispatch(CompositeTile { footprints: &footprints, entries: &entries, origin, planes: &mut planes });
+            let opaque = TRANSMITTANCE_MIN;
+            let planes_of = &mut planes;
+            arch.dispatch(CompositeTile {
+                footprints: &footprints,
+                entries: &entries,
+                origin,
+                planes: planes_of,
+                opaque,
+            });
             let old = &self.state.tiles[tile * PLANES * TILE_PIXELS..][..PLANES * TILE_PIXELS];
             bounds.add_changes(old, &planes, origin, [self.view.width, self.view.height]);
             redrawn.push((origin, planes));

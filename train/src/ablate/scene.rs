@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use lgs_engine::{
-    densify::{Density, DensityMap, Limit, Thresholds, UpdateCounts},
+    densify::{Density, DensityMap, Limit, Scope, Thresholds, UpdateCounts},
     gaussians::GaussianSet,
     network::model::FoldedModel,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
@@ -125,6 +125,7 @@ impl Bench<'_> {
             refine: 0.into(),
             query: way.query,
             density: way.density,
+            density_scope: Scope::All,
             thresholds: way.thresholds,
             max_gaussians: way.limit,
             seed: self.settings.seed,

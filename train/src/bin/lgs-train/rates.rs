@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, Result};
 use lgs_engine::{
-    densify::{Density, Thresholds},
+    densify::{Density, Scope, Thresholds},
     pipeline::{NetworkSettings, Silent, Watch, run_network},
     threads,
 };
@@ -39,6 +39,7 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
                 refine: 0.into(),
                 query: true,
                 density: Density::Off,
+                density_scope: Scope::All,
                 thresholds: Thresholds::default(),
                 max_gaussians: None,
                 seed: 0,

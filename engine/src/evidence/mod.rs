@@ -1,0 +1,132 @@
+//! What the input views show of every Gaussian: what taking it out would cost, and what its halves could gain.
+
+mod rounds;
+#[cfg(test)]
+pub(crate) mod samples;
+
+use crate::gaussians::GaussianSet;
+use crate::gaussians::physical::to_physical;
+use crate::loss::{LossWeights, pixel_costs};
+use crate::objective::BEHIND;
+use crate::render::{Effect, Projection, effects, halving, longest_axes};
+use crate::views::View;
+
+pub use rounds::{ROUNDS, prune};
+
+/// How many of the pixels that hide a Gaussian from the input views show it in views between them, as far as a prior can tell. Held-out PSNR of
+/// half the Gaussians after three learned steps, on DDAD's and PandaSet's front cameras: 22.55 and 29.11 dB at 0, 22.90 and 29.19 at 0.1, 22.86 and
+/// 29.19 at 0.3, 22.76 and 29.05 at 1.
+const UNHIDDEN: f64 = 0.2;
+/// Keeps a division defined where a Gaussian shows hardly a pixel: a square of blending weights, pixels.
+const FAINT: f64 = 0.05;
+
+/// What the views show.
+#[derive(Clone, Debug, Default)]
+pub struct Evidence {
+    /// `[N]` sums over the views.
+    pub effects: Vec<Effect>,
+    /// `[N]` the axis along which each is split.
+    pub axes: Vec<u8>,
+}
+
+impl Evidence {
+    /// That of a scene in its input views, by the mean loss over them.
+    pub fn of(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Self {
+        let splats = to_physical(set);
+        let pinholes: Vec<_> = views.iter().map(|view| &view.pinhole).collect();
+        let axes = longest_axes(&splats, &pinholes);
+        let mut all = vec![Effect::default(); splats.len()];
+        for view in views {
+            let state = Projection::new(&splats, &view.pinhole).render_through(&view.pinhole, BEHIND);
+            let costs = pixel_costs(&state.images, view, weights);
+            let halving = halving(&splats, &axes, &view.pinhole, &state);
+            state.visible().zip(effects(&state, &costs, &halving)).for_each(|(i, effect)| all[i].add(&effect));
+        }
+        let share = 1.0 / views.len().max(1) as f64;
+        all.iter_mut().for_each(|effect| effect.removal *= share);
+        Self { effects: all, axes }
+    }
+
+    /// `[N]` what each costs to take out: what the input views say, and for what hides it there the mean of what is shown.
+    ///
+    /// # Formula
+    /// `removal + 0.2 m sum_p (alpha - w)`, `m` the sum of all positive removals over the pixels that all Gaussians show.
+    pub fn costs(&self) -> Vec<f64> {
+        let sum = |of: fn(&Effect) -> f64| self.effects.iter().map(of).sum::<f64>();
+        let shown = sum(|effect| effect.shown);
+        let mean = if shown > 0.0 { sum(|effect| effect.removal.max(0.0)) / shown } else { 0.0 };
+        let cost = |effect: &Effect| effect.removal + UNHIDDEN * mean * (effect.covered - effect.shown);
+        self.effects.iter().map(cost).collect()
+    }
+
+    /// `[N]` by how much the squared errors fall when the colours of the halves of each are fitted to them, beyond what a fit of its own colour
+    /// brings.
+    ///
+    /// # Formula
+    /// By channel `v^T M^-1 v - (v_1 + v_2)^2 / sum w^2`, `v_k = sum w_k r` of the halves' weights, `M_kl = sum w_k w_l`.
+    pub fn gains(&self) -> Vec<f64> {
+        self.effects.iter().map(gain).collect()
+    }
+}
+
+fn gain(effect: &Effect) -> f64 {
+    let [aa, a_whole, whole] = effect.squares;
+    let (ab, bb) = (a_whole - aa, whole - 2.0 * a_whole + aa);
+    let (aa, bb) = (aa + FAINT, bb + FAINT);
+    let determinant = aa * bb - ab * ab;
+    (0..3)
+        .map(|c| {
+            let (a, b) = (effect.half[c], effect.whole[c] - effect.half[c]);
+            let halves = (bb * a * a - 2.0 * ab * a * b + aa * b * b) / determinant;
+            (halves - effect.whole[c].powi(2) / (whole + FAINT)).max(0.0)
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::samples::{scene, view};
+    use super::*;
+    use crate::render::{PixelCosts, Rendered};
+
+    /// What the costs say of a picture in place of another, pixel by pixel.
+    fn change(costs: &PixelCosts, before: &Rendered, after: &Rendered) -> f64 {
+        let expected = [before, after].map(Rendered::expected_depth);
+        (0..before.alpha.len())
+            .map(|p| {
+                let colours = (3 * p..3 * p + 3).map(|k| {
+                    let (old, step) = (f64::from(costs.residual[k]), f64::from(after.rgb[k] - before.rgb[k]));
+                    let size = f64::from(costs.per_colour * costs.counted[p]) * ((old + step).abs() - old.abs());
+                    size + f64::from(costs.slopes[k]) * step
+                });
+                let error = |depth: f32| f64::from((depth - costs.depth[p]).abs());
+                let depth = if costs.depth[p] > 0.0 { error(expected[1][p]) - error(expected[0][p]) } else { 0.0 };
+                colours.sum::<f64>() + f64::from(costs.per_depth) * depth
+            })
+            .sum()
+    }
+
+    /// Taken out one by one, at opacities at which nothing ends a pixel and at which pixels are opaque many times over.
+    #[test]
+    fn a_removal_is_what_the_picture_without_it_costs() {
+        let view = view();
+        for opacity in [-1.0, 6.0] {
+            let set = scene(opacity);
+            let splats = to_physical(&set);
+            let base = Projection::new(&splats, &view.pinhole);
+            let state = base.clone().render_through(&view.pinhole, BEHIND);
+            let costs = pixel_costs(&state.images, &view, &LossWeights::default());
+            let found = Evidence::of(&set, &[&view], &LossWeights::default());
+            let mut largest = 0.0_f64;
+            for i in 0..set.len() {
+                let gone: Vec<bool> = (0..set.len()).map(|k| k == i).collect();
+                let without = base.without(&gone).render_through(&view.pinhole, BEHIND);
+                let want = change(&costs, &state.images, &without.images);
+                let got = found.effects[i].removal;
+                assert!((got - want).abs() < 1e-6 + 1e-4 * want.abs(), "Gaussian {i}: {got} {want}");
+                largest = largest.max(want.abs());
+            }
+            assert!(largest > 1e-4, "{largest}");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! The loss of a view as exact effects need it.
+
+use lgs_formats::image::PixelLabel;
+
+use super::ssim::{ImagePair, add_ssim_gradient};
+use super::{LossCounts, LossWeights, fill_ignored};
+use crate::render::{PixelCosts, Rendered};
+use crate::views::{View, to_f32};
+
+/// What the pixels of a rendered view cost: absolute errors of colour and depth as they are, the similarity by its gradient.
+///
+/// # Shapes
+/// `rendered` has the size of `view`.
+///
+/// # Formula
+/// In units of [`image_loss`](super::image_loss): `per_colour = l1 / (3 pixels)`, `slopes = -ssim d SSIM / d colour`,
+/// `per_depth = depth / samples`.
+pub fn pixel_costs(rendered: &Rendered, view: &View, weights: &LossWeights) -> PixelCosts {
+    let labels = view.labels.as_deref();
+    let ignored = |pixel: usize| labels.is_some_and(|labels| labels[pixel] == PixelLabel::Ignored);
+    let (width, height) = (rendered.width, rendered.height);
+    let mut colours = Vec::new();
+    fill_ignored(&rendered.rgb, &view.image.data, labels.unwrap_or_default(), &mut colours);
+    let mut slopes = vec![0.0; colours.len()];
+    let pair = ImagePair { truth: &view.image.data, rendered: &colours, width, height };
+    add_ssim_gradient(&pair, labels, -weights.ssim, &mut slopes);
+    for (pixel, slope) in slopes.chunks_exact_mut(3).enumerate() {
+        if ignored(pixel) {
+            slope.fill(0.0);
+        }
+    }
+    let mut depth = vec![0.0; rendered.depth.len()];
+    let samples = view.depth_samples.iter().map(|sample| (sample.pixel as usize, sample.depth));
+    samples.filter(|&(pixel, _)| !ignored(pixel)).for_each(|(pixel, metres)| depth[pixel] = metres);
+    let counts = LossCounts::of(view);
+    let per = |sums| to_f32(counts.loss(weights, sums));
+    PixelCosts {
+        residual: colours.iter().zip(&view.image.data).map(|(rendered, truth)| rendered - truth).collect(),
+        counted: (0..width * height).map(|pixel| if ignored(pixel) { 0.0 } else { 1.0 }).collect(),
+        per_colour: per([1.0, 0.0, 0.0]),
+        slopes,
+        depth,
+        per_depth: per([0.0, 0.0, 1.0]),
+    }
+}

@@ -1,0 +1,246 @@
+//! What every Gaussian does to the loss by itself: exact effects of taking it out, and what its halves could gain.
+//!
+//! # Formula
+//! A pixel's colour is affine in the alpha of each Gaussian on its ray. With `B_i` what stands behind Gaussian i, composited by itself
+//! (`B_{i-1} = alpha_i c_i + (1 - alpha_i) B_i`, the background behind the last), without i the pixel changes by exactly
+//! `T_i alpha_i (B_i - c_i)`; so do the accumulated depth and alpha, of which the expected depth is the ratio. `T_i` in front is recovered as
+//! `T / (1 - alpha_i)`.
+//!
+//! This holds where compositing goes on behind what is opaque: see [`Projection::render_through`](super::Projection::render_through).
+
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::backward::{by_tile, load_maps};
+use super::blended::over_tiles;
+use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::forward::TRANSMITTANCE;
+use super::lanes::{Broadcast, RowSpan};
+use super::project::Footprint;
+use super::tiles::TileLists;
+use super::{Rendered, RenderedWithState};
+use crate::ops::lanes::exp2;
+
+/// What a pixel costs, as far as effects are concerned.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PixelCosts {
+    /// `[H, W, 3]` rendered colours minus the true ones; zero where the pixel takes no part.
+    pub residual: Vec<f32>,
+    /// `[H, W]` 1 where a pixel takes part, 0 where it does not.
+    pub counted: Vec<f32>,
+    /// What an absolute error of 1 in one channel of one pixel costs.
+    pub per_colour: f32,
+    /// `[H, W, 3]` gradient by the colours of the terms that count as linear.
+    pub slopes: Vec<f32>,
+    /// `[H, W]` true depth, metres; 0 where it is not known or takes no part.
+    pub depth: Vec<f32>,
+    /// What an absolute error of 1 m of the expected depth of one pixel costs.
+    pub per_depth: f32,
+}
+
+/// Sums over the pixels of a view for one Gaussian; w its blending weight, s the share of it that is the first half's, r the residual.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effect {
+    /// By how much the costs change without it.
+    pub removal: f64,
+    /// `sum s w r` by channel.
+    pub half: [f64; 3],
+    /// `sum w r` by channel.
+    pub whole: [f64; 3],
+    /// `sum (s w)^2`, `sum s w^2` and `sum w^2`.
+    pub squares: [f64; 3],
+    /// `sum w`: the pixels that it shows.
+    pub shown: f64,
+    /// `sum alpha`: the pixels that it would show if nothing stood in front of it.
+    pub covered: f64,
+}
+
+impl Effect {
+    /// Adds another view's.
+    pub fn add(&mut self, other: &Self) {
+        self.removal += other.removal;
+        let sums = |to: &mut [f64; 3], from: &[f64; 3]| to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        sums(&mut self.half, &other.half);
+        sums(&mut self.whole, &other.whole);
+        sums(&mut self.squares, &other.squares);
+        self.shown += other.shown;
+        self.covered += other.covered;
+    }
+}
+
+/// Sums of one intersection, in the order of [`Effect`].
+const SUMS: usize = 12;
+/// Planes of a tile: residual 3, slopes 3, counted, depth; then drawn depth and alpha; then what is behind: colour 3, depth, alpha; then the
+/// transmittance.
+const PLANES: usize = 16;
+
+/// Logarithm to base 2 of the largest odds that the other half shows a pixel: beyond it the share is zero.
+const MOST_ODDS: f32 = 60.0;
+
+/// Effects of every visible Gaussian of a view.
+///
+/// # Shapes
+/// `halving` `[num_visible]`, in the order of [`RenderedWithState::visible`]: by how much the logarithm to base 2 of the first half's alpha over
+/// the second's grows for a pixel to the right, and down; 0 at the Gaussian's centre. Result `[num_visible]`.
+///
+/// # Formula
+/// `removal = sum_p per_colour sum_c (|r + d_c| - |r|) + slopes . d + per_depth (|e' - depth| - |e - depth|)`, d the change of the colours as
+/// the module says, e and e' the expected depths; `s = 1 / (1 + 2^-(halving . (p - centre)))`.
+pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: &[[f32; 2]]) -> Vec<Effect> {
+    let lists = &state.lists;
+    let mut all = vec![[0.0_f32; SUMS]; lists.entries.len()];
+    let arch = pulp::Arch::new();
+    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().enumerate();
+    per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
+        let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
+        load(&mut planes, state, tile, costs);
+        let stops = state.stops_of(tile);
+        let per = [costs.per_colour, costs.per_depth];
+        arch.dispatch(TileEffects { lists, tile, stops, planes: &mut planes, per, halving, out });
+    });
+    let sums = over_tiles(lists, &all);
+    let effect = |[removal, a, b, c, d, e, f, g, h, i, shown, covered]: [f64; SUMS]| Effect {
+        removal,
+        half: [a, b, c],
+        whole: [d, e, f],
+        squares: [g, h, i],
+        shown,
+        covered,
+    };
+    sums.into_iter().map(effect).collect()
+}
+
+/// Fills the planes of a tile for the walk from behind.
+fn load(planes: &mut [f32], state: &RenderedWithState, tile: usize, costs: &PixelCosts) {
+    let Rendered { width, height, depth, alpha, .. } = &state.images;
+    let (size, origin) = ([*width, *height], state.lists.grid.origin(tile));
+    for y in 0..TILE_HEIGHT.min(height - origin[1]) {
+        for x in 0..TILE_WIDTH.min(width - origin[0]) {
+            let (pixel, local) = ((origin[1] + y) * width + origin[0] + x, y * TILE_WIDTH + x);
+            for c in 0..3 {
+                planes[c * TILE_PIXELS + local] = costs.residual[3 * pixel + c];
+                planes[(3 + c) * TILE_PIXELS + local] = costs.slopes[3 * pixel + c];
+                planes[(10 + c) * TILE_PIXELS + local] = state.background[c];
+            }
+        }
+    }
+    load_maps(&mut planes[6 * TILE_PIXELS..], &[&costs.counted, &costs.depth, depth, alpha], size, origin);
+    let drawn = &state.planes_of(tile)[TRANSMITTANCE * TILE_PIXELS..][..TILE_PIXELS];
+    planes[15 * TILE_PIXELS..].iter_mut().zip(drawn).for_each(|(t, drawn)| *t = drawn.abs());
+}
+
+struct TileEffects<'a> {
+    lists: &'a TileLists,
+    tile: usize,
+    stops: &'a [f32],
+    planes: &'a mut [f32],
+    per: [f32; 2],
+    halving: &'a [[f32; 2]],
+    out: &'a mut [[f32; SUMS]],
+}
+
+impl WithSimd for TileEffects<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lists, tile, stops, planes, per, halving, out } = self;
+        let origin = lists.grid.origin(tile);
+        let broadcast = Broadcast::new(simd);
+        let planes = S::as_mut_simd_f32s(planes).0;
+        let stops = S::as_simd_f32s(stops).0;
+        let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
+        let per = per.map(|cost| simd.splat_f32s(cost));
+        for (position, &entry) in lists.entries_of(tile).iter().enumerate().rev() {
+            if position as f32 >= last {
+                continue;
+            }
+            let half = Half { footprint: &lists.footprints[entry as usize], halving: halving[entry as usize] };
+            out[position] = walk(simd, &broadcast, (&mut *planes, stops), &half, (&origin, per), position as f32);
+        }
+    }
+}
+
+/// A Gaussian and how it is halved.
+struct Half<'a> {
+    footprint: &'a Footprint,
+    halving: [f32; 2],
+}
+
+/// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
+#[inline(always)]
+fn walk<S: Simd>(
+    simd: S,
+    broadcast: &Broadcast<S>,
+    (planes, stops): (&mut [S::f32s], &[S::f32s]),
+    half: &Half<'_>,
+    (origin, [per_colour, per_depth]): (&[usize; 2], [S::f32s; 2]),
+    position: f32,
+) -> [f32; SUMS] {
+    let Half { footprint: f, halving } = half;
+    let per_plane = TILE_PIXELS / S::F32_LANES;
+    let per_row = TILE_WIDTH / S::F32_LANES;
+    let colour = f.colour.map(|c| simd.splat_f32s(c));
+    let depth = simd.splat_f32s(f.depth);
+    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+    let (eps, most) = (simd.splat_f32s(EXPECTED_DEPTH_EPS), simd.splat_f32s(MOST_ODDS));
+    let position = simd.splat_f32s(position);
+    let mut sums = [zero; SUMS];
+    for row in f.rows_in(origin[1]) {
+        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+        // `u` counts from the row's peak, which is `shear dy` beside the centre.
+        let at_peak = halving[0] * f.shear * span.dy + halving[1] * span.dy;
+        let (at_peak, along) = (simd.splat_f32s(-at_peak), simd.splat_f32s(-halving[0]));
+        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+            let i = row * per_row + chunk;
+            let at = |plane: usize| plane * per_plane + i;
+            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+            let alpha = simd.select_f32s(live, a.alpha, zero);
+            let through = simd.sub_f32s(one, alpha);
+            let t = simd.div_f32s(planes[at(15)], through);
+            planes[at(15)] = t;
+            let w = simd.mul_f32s(alpha, t);
+            let counted = planes[at(6)];
+            let w_counted = simd.mul_f32s(w, counted);
+            let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
+            let share = simd.div_f32s(one, simd.add_f32s(one, odds));
+            let first = simd.mul_f32s(share, w_counted);
+            let (mut colours, mut linear) = (zero, zero);
+            for c in 0..3 {
+                let behind = planes[at(10 + c)];
+                let change = simd.mul_f32s(w, simd.sub_f32s(behind, colour[c]));
+                planes[at(10 + c)] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
+                let residual = planes[at(c)];
+                let size = simd.abs_f32s(simd.add_f32s(residual, change));
+                colours = simd.add_f32s(colours, simd.sub_f32s(size, simd.abs_f32s(residual)));
+                linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
+                sums[1 + c] = simd.mul_add_f32s(first, residual, sums[1 + c]);
+                sums[4 + c] = simd.mul_add_f32s(w_counted, residual, sums[4 + c]);
+            }
+            let (depth_behind, alpha_behind) = (planes[at(13)], planes[at(14)]);
+            planes[at(13)] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
+            planes[at(14)] = simd.mul_add_f32s(through, alpha_behind, alpha);
+            let (drawn, drawn_alpha, truth) = (planes[at(8)], planes[at(9)], planes[at(7)]);
+            let new = simd.mul_add_f32s(w, simd.sub_f32s(depth_behind, depth), drawn);
+            let new_alpha = simd.mul_add_f32s(w, simd.sub_f32s(alpha_behind, one), drawn_alpha);
+            let before = simd.sub_f32s(simd.div_f32s(drawn, simd.max_f32s(drawn_alpha, eps)), truth);
+            let after = simd.sub_f32s(simd.div_f32s(new, simd.max_f32s(new_alpha, eps)), truth);
+            let nearer = simd.sub_f32s(simd.abs_f32s(after), simd.abs_f32s(before));
+            let known = simd.and_m32s(live, simd.greater_than_f32s(truth, zero));
+            let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);
+            let by_colour = simd.mul_add_f32s(simd.mul_f32s(per_colour, counted), colours, linear);
+            sums[0] = simd.add_f32s(sums[0], simd.add_f32s(by_colour, by_depth));
+            sums[7] = simd.mul_add_f32s(first, first, sums[7]);
+            sums[8] = simd.mul_add_f32s(first, w_counted, sums[8]);
+            sums[9] = simd.mul_add_f32s(w_counted, w_counted, sums[9]);
+            sums[10] = simd.add_f32s(sums[10], w_counted);
+            sums[11] = simd.mul_add_f32s(alpha, counted, sums[11]);
+        }
+    }
+    let mut out = [0.0; SUMS];
+    for (out, sum) in out.iter_mut().zip(sums) {
+        *out = simd.reduce_sum_f32s(sum);
+    }
+    out
+}
