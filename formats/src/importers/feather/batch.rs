@@ -37,7 +37,11 @@ impl Block {
     pub(super) fn parse(bytes: &[u8; 24]) -> Self {
         let [start, head, body] = words(bytes);
         let [a, b, c, d, ..] = head.to_le_bytes();
-        Self { start: index(start), head_bytes: index(i32::from_le_bytes([a, b, c, d]).into()), body_bytes: index(body) }
+        Self {
+            start: index(start),
+            head_bytes: index(i32::from_le_bytes([a, b, c, d]).into()),
+            body_bytes: index(body),
+        }
     }
 
     /// The message and the body within the file.
@@ -60,7 +64,8 @@ pub(super) fn record_batch(
     columns: &mut [Named],
 ) -> Result<usize> {
     let parts = block.of(file);
-    let (message, body) = parts.ok_or_else(|| at.error("a message and its body", "an end outside the file (truncated?)"))?;
+    let (message, body) =
+        parts.ok_or_else(|| at.error("a message and its body", "an end outside the file (truncated?)"))?;
     let message = Table::root(*at, message)?;
     let rows = if message.number(HEADER_CODE)? == RECORD_BATCH { message.table(HEADER)? } else { None };
     let rows = rows.ok_or_else(|| at.error("rows", "another message"))?;

@@ -2,6 +2,8 @@
 
 use std::{borrow::Cow, io::Read};
 
+use ruzstd::decoding::StreamingDecoder;
+
 use super::flatbuffer::{index, words};
 use crate::{
     error::Result,
@@ -28,6 +30,19 @@ impl Codec {
             1 => Ok(Self::Zstd),
             other => Err(at.error("LZ4 or Zstandard", format!("codec {other}"))),
         }
+    }
+
+    /// The first `limit` bytes that `packed` unfolds to; a frame that refers farther back than `window` bytes is an error.
+    fn unpacked(self, packed: &[u8], limit: u64, window: u64) -> std::result::Result<Vec<u8>, String> {
+        let mut bytes = Vec::new();
+        let read = match self {
+            Self::Lz4 => lz4_flex::frame::FrameDecoder::new(packed).take(limit).read_to_end(&mut bytes),
+            Self::Zstd => {
+                let decoder = StreamingDecoder::new_with_max_window_size(packed, window).map_err(|e| e.to_string())?;
+                decoder.take(limit).read_to_end(&mut bytes)
+            }
+        };
+        read.map(|_| bytes).map_err(|e| e.to_string())
     }
 }
 
@@ -67,23 +82,15 @@ impl<'a> Buffers<'a> {
         if size == -1 {
             return packed.get(..len).map(Cow::Borrowed).ok_or_else(truncated);
         }
-        let limit = len as u64;
-        if limit > unpacked_limit(packed.len() as u64) {
-            let expected =
-                format!("at most {} bytes unpacked from {}", unpacked_limit(packed.len() as u64), packed.len());
+        let (limit, most) = (len as u64, unpacked_limit(packed.len() as u64));
+        if limit > most {
+            let expected = format!("at most {most} bytes unpacked from {}", packed.len());
             return Err(self.at.error(expected, limit.to_string()));
         }
         if index(size).is_none_or(|size| size < len) {
             return Err(truncated());
         }
-        let mut bytes = Vec::new();
-        let read = match codec {
-            Codec::Lz4 => lz4_flex::frame::FrameDecoder::new(packed).take(limit).read_to_end(&mut bytes).map_err(|e| e.to_string()),
-            Codec::Zstd => ruzstd::decoding::StreamingDecoder::new(packed)
-                .map_err(|e| e.to_string())
-                .and_then(|decoder| decoder.take(limit).read_to_end(&mut bytes).map_err(|e| e.to_string())),
-        };
-        read.map_err(|e| self.at.error("compressed bytes", e))?;
+        let bytes = codec.unpacked(packed, limit, most).map_err(|e| self.at.error("compressed bytes", e))?;
         if bytes.len() == len { Ok(Cow::Owned(bytes)) } else { Err(truncated()) }
     }
 
@@ -113,13 +120,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// Adds the texts between `ends` to a column; `valid` has a bit for each row that has one.
-    pub(super) fn texts(
-        &self,
-        ends: &[usize],
-        buffer: &Slot,
-        valid: Option<&[u8]>,
-        column: &mut Column,
-    ) -> Result<()> {
+    pub(super) fn texts(&self, ends: &[usize], buffer: &Slot, valid: Option<&[u8]>, column: &mut Column) -> Result<()> {
         let bytes = self.bytes(buffer, ends.last().copied().unwrap_or(0))?;
         let Column::Texts(texts) = column else { return Ok(()) };
         for (row, pair) in ends.windows(2).enumerate() {

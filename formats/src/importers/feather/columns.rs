@@ -89,7 +89,9 @@ fn kind(at: &At<'_>, field: &Table<'_>) -> Result<Field> {
         "LargeUtf8" => (Kind::Text { end_bytes: 8 }, 3),
         "Binary" | "LargeBinary" => (other(), 3),
         "Null" => (other(), 0),
-        "Bool" | "Decimal" | "Date" | "Time" | "Timestamp" | "Interval" | "Duration" | "FixedSizeBinary" => (other(), 2),
+        "Bool" | "Decimal" | "Date" | "Time" | "Timestamp" | "Interval" | "Duration" | "FixedSizeBinary" => {
+            (other(), 2)
+        }
         _ => return Err(at.error("columns of numbers and texts", format!("`{name}` of {what}"))),
     };
     Ok(Field { name, kind, num_buffers })

@@ -102,7 +102,8 @@ impl<'a> Table<'a> {
         let offsets = self.vector::<4>(field)?;
         let Some(place) = self.place(field).filter(|_| !offsets.is_empty()) else { return Ok(Vec::new()) };
         // The vector was just read: its place is within the bytes.
-        let first = target(self.bytes, place).and_then(|start| start.checked_add(4)).ok_or_else(|| astray(self.at, place))?;
+        let first =
+            target(self.bytes, place).and_then(|start| start.checked_add(4)).ok_or_else(|| astray(self.at, place))?;
         (0..offsets.len()).map(|k| Self::behind(self.at, self.bytes, first + 4 * k)).collect()
     }
 }
