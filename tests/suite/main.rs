@@ -4,6 +4,7 @@ mod cli;
 mod extremes;
 mod golden;
 mod importers;
+mod install;
 mod network;
 mod readers;
 mod readme;
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
     cases.extend(viewer::cases());
     cases.extend(readers::cases());
     cases.extend(readme::cases());
+    cases.extend(install::cases());
     let others = cases.iter().map(|case| case.name().to_owned()).collect();
     cases.extend(extremes::cases(others));
     libtest_mimic::run(&arguments, cases).exit_code()

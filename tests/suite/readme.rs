@@ -91,7 +91,7 @@ fn commands_run(page: &str) -> Outcome {
     }
     let mut num_run = 0;
     for block in shell_blocks(&text) {
-        for command in block.commands.iter().filter(|command| !belongs_to_the_caller(command)) {
+        for command in block.commands.iter().filter(|command| !runs_elsewhere(command)) {
             let finished = execute(command, place.path())?;
             finished.expect_success().map_err(|e| format!("{page}:{}: {command}: {}", block.line, message(&e)))?;
             num_run += 1;
@@ -109,9 +109,10 @@ fn message(failure: &libtest_mimic::Failed) -> String {
     failure.message().unwrap_or_default().to_owned()
 }
 
-/// Commands that this run is inside of: getting the repository, and its tests.
-fn belongs_to_the_caller(command: &str) -> bool {
-    ["git clone", "cd ", "cargo test"].iter().any(|start| command.starts_with(start))
+/// Commands that this run is inside of, which get the repository and test it; those that install, which the cases of `install` run.
+fn runs_elsewhere(command: &str) -> bool {
+    let starts = ["git clone", "cd ", "cargo test", "cargo install", "pip install", "maturin ", "docker "];
+    starts.iter().any(|start| command.starts_with(start))
 }
 
 fn execute(command: &str, directory: &Path) -> Result<Finished, String> {

@@ -46,7 +46,7 @@ fn build_binaries() -> Result<PathBuf, String> {
     };
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
-    let what = ["build", "--workspace", "--bins", "--test", "suite", "--profile", profile];
+    let what = ["build", "--bins", "--test", "suite", "--profile", profile];
     command.current_dir(places::repository()).args(what);
     command.arg("--target-dir").arg(target);
     let output = command.output().map_err(|e| format!("cargo build: {e}"))?;

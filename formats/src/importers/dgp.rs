@@ -236,7 +236,7 @@ impl<'a> Reader<'a> {
     #[expect(clippy::cast_precision_loss, reason = "a microsecond of this century is exact within 2^-22 s")]
     fn time(&self, at: &str, datum: &DatumJson) -> Result<f64> {
         let at = At { file: self.file, field: &format!("{at}: timestamp") };
-        let count = at.micros(&datum.id.timestamp, "%Y-%m-%dT%H:%M:%S%.fZ")?;
+        let count = at.micros(&datum.id.timestamp, 'T', "Z")?;
         Ok(if count >= FIRST_TICK_MOMENT { count as f64 / 1e7 } else { count as f64 / 1e6 })
     }
 }

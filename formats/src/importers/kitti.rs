@@ -158,7 +158,7 @@ impl Times {
     #[expect(clippy::cast_precision_loss, reason = "microseconds since 1970 are below 2^53")]
     fn moment(&self, line_number: u64, line: &str) -> Result<f64> {
         let at = At { file: &self.file, field: &format!("line {line_number}") };
-        at.micros(line.trim(), "%Y-%m-%d %H:%M:%S%.f").map(|micros| micros as f64 / 1e6)
+        at.micros(line.trim(), ' ', "").map(|micros| micros as f64 / 1e6)
     }
 }
 

@@ -9,6 +9,7 @@ mod argoverse2;
 mod dgp;
 mod feather;
 mod kitti;
+mod moment;
 mod nearest;
 mod npz;
 mod nuscenes;

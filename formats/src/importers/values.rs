@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use chrono::NaiveDateTime;
 use glam::{DMat3, DQuat, DVec3};
 use serde::de::DeserializeOwned;
 
+use super::moment;
 use crate::{
     clip_json::{syntax_error, without_mark},
     error::{FormatError, Result},
@@ -72,15 +72,14 @@ impl At<'_> {
         Err(self.error("a unit quaternion and a finite translation", found))
     }
 
-    /// The microseconds since 1970 that a text in a format of `chrono` says.
+    /// The microseconds since 1970 that a text says: a date, `separator`, a time and `end`.
     ///
     /// # Errors
     /// A text in another format.
-    pub(super) fn micros(&self, text: &str, format: &str) -> Result<i64> {
-        let moment = NaiveDateTime::parse_from_str(text, format);
-        moment
-            .map(|moment| moment.and_utc().timestamp_micros())
-            .map_err(|_e| self.error(format!("a moment as {format}"), format!("`{text}`")))
+    pub(super) fn micros(&self, text: &str, separator: char, end: &str) -> Result<i64> {
+        let moment = text.strip_suffix(end).and_then(|moment| moment::micros(moment, separator));
+        let expected = || format!("a moment as YYYY-MM-DD{separator}hh:mm:ss.f{end}");
+        moment.ok_or_else(|| self.error(expected(), format!("`{text}`")))
     }
 }
 

@@ -1,7 +1,6 @@
 //! Which columns a feather file has.
 
-use arrow_ipc::{Precision, Schema, Type};
-
+use super::flatbuffer::Table;
 use crate::{
     error::Result,
     importers::{table::Column, values::At},
@@ -41,62 +40,81 @@ pub(super) struct Field {
     pub(super) num_buffers: usize,
 }
 
+/// Fields of a schema.
+const ENDIANNESS: usize = 0;
+const FIELDS: usize = 1;
+/// Fields of a column.
+const NAME: usize = 0;
+const TYPE_CODE: usize = 2;
+const TYPE: usize = 3;
+const DICTIONARY: usize = 4;
+const CHILDREN: usize = 5;
+/// Fields of the types of numbers.
+const BIT_WIDTH: usize = 0;
+const IS_SIGNED: usize = 1;
+const PRECISION: usize = 0;
+
+/// Arrow's types by their codes.
+#[rustfmt::skip]
+const TYPES: [&str; 27] = [
+    "NONE", "Null", "Int", "FloatingPoint", "Binary", "Utf8", "Bool", "Decimal", "Date", "Time", "Timestamp", "Interval", "List", "Struct_",
+    "Union", "FixedSizeBinary", "FixedSizeList", "Map", "Duration", "LargeBinary", "LargeUtf8", "LargeList", "RunEndEncoded", "BinaryView",
+    "Utf8View", "ListView", "LargeListView",
+];
+
 /// The columns of a schema.
 ///
 /// # Errors
-/// No schema, columns of columns, values of other byte order.
-pub(super) fn kinds(at: &At<'_>, schema: Option<Schema<'_>>) -> Result<Vec<Field>> {
-    let schema = schema.ok_or_else(|| at.error("a schema", "none"))?;
-    if !schema.endianness().equals_to_target_endianness() {
+/// Columns of columns, values of other byte order, tables that are damaged.
+pub(super) fn kinds(at: &At<'_>, schema: &Table<'_>) -> Result<Vec<Field>> {
+    if schema.number(ENDIANNESS)? != [0, 0] {
         return Err(at.error("little-endian values", "another byte order"));
     }
-    let mut fields = Vec::new();
-    for field in schema.fields().into_iter().flatten() {
-        let name = field.name().unwrap_or_default().to_owned();
-        if field.children().is_some_and(|children| !children.is_empty()) {
-            return Err(at.error("flat columns", format!("`{name}` of columns")));
-        }
-        let what = field.type_type().variant_name().unwrap_or("unknown").to_owned();
-        let (kind, num_buffers) = match field.type_type() {
-            _ if field.dictionary().is_some() => (Kind::Other("dictionary codes".to_owned()), 2),
-            Type::Int => (integer(&field).map_or(Kind::Other(what), Kind::Number), 2),
-            Type::FloatingPoint => (float(&field).map_or(Kind::Other(what), Kind::Number), 2),
-            Type::Utf8 => (Kind::Text { end_bytes: 4 }, 3),
-            Type::LargeUtf8 => (Kind::Text { end_bytes: 8 }, 3),
-            Type::Binary | Type::LargeBinary => (Kind::Other(what), 3),
-            Type::Null => (Kind::Other(what), 0),
-            Type::Bool
-            | Type::Decimal
-            | Type::Date
-            | Type::Time
-            | Type::Timestamp
-            | Type::Interval
-            | Type::Duration
-            | Type::FixedSizeBinary => (Kind::Other(what), 2),
-            _ => return Err(at.error("columns of numbers and texts", format!("`{name}` of {what}"))),
-        };
-        fields.push(Field { name, kind, num_buffers });
-    }
-    Ok(fields)
+    schema.tables(FIELDS)?.iter().map(|field| kind(at, field)).collect()
 }
 
-fn integer(field: &arrow_ipc::Field<'_>) -> Option<Element> {
-    let int = field.type_as_int()?;
-    let size = match int.bitWidth() {
+fn kind(at: &At<'_>, field: &Table<'_>) -> Result<Field> {
+    let name = field.text(NAME)?.to_owned();
+    if !field.vector::<4>(CHILDREN)?.is_empty() {
+        return Err(at.error("flat columns", format!("`{name}` of columns")));
+    }
+    let [code] = field.number(TYPE_CODE)?;
+    let what = TYPES.get(usize::from(code)).copied().unwrap_or("unknown");
+    let other = || Kind::Other(what.to_owned());
+    let (kind, num_buffers) = match what {
+        _ if field.table(DICTIONARY)?.is_some() => (Kind::Other("dictionary codes".to_owned()), 2),
+        "Int" => (integer(field)?.map_or_else(other, Kind::Number), 2),
+        "FloatingPoint" => (float(field)?.map_or_else(other, Kind::Number), 2),
+        "Utf8" => (Kind::Text { end_bytes: 4 }, 3),
+        "LargeUtf8" => (Kind::Text { end_bytes: 8 }, 3),
+        "Binary" | "LargeBinary" => (other(), 3),
+        "Null" => (other(), 0),
+        "Bool" | "Decimal" | "Date" | "Time" | "Timestamp" | "Interval" | "Duration" | "FixedSizeBinary" => {
+            (other(), 2)
+        }
+        _ => return Err(at.error("columns of numbers and texts", format!("`{name}` of {what}"))),
+    };
+    Ok(Field { name, kind, num_buffers })
+}
+
+fn integer(field: &Table<'_>) -> Result<Option<Element>> {
+    let Some(int) = field.table(TYPE)? else { return Ok(None) };
+    let size = match i32::from_le_bytes(int.number(BIT_WIDTH)?) {
         8 => 1,
         16 => 2,
         32 => 4,
         64 => 8,
-        _ => return None,
+        _ => return Ok(None),
     };
-    Some(if int.is_signed() { Element::Int(size) } else { Element::Uint(size) })
+    Ok(Some(if int.number(IS_SIGNED)? == [0] { Element::Uint(size) } else { Element::Int(size) }))
 }
 
-fn float(field: &arrow_ipc::Field<'_>) -> Option<Element> {
-    match field.type_as_floating_point()?.precision() {
-        Precision::HALF => Some(Element::F16),
-        Precision::SINGLE => Some(Element::F32),
-        Precision::DOUBLE => Some(Element::F64),
+fn float(field: &Table<'_>) -> Result<Option<Element>> {
+    let Some(float) = field.table(TYPE)? else { return Ok(None) };
+    Ok(match i16::from_le_bytes(float.number(PRECISION)?) {
+        0 => Some(Element::F16),
+        1 => Some(Element::F32),
+        2 => Some(Element::F64),
         _ => None,
-    }
+    })
 }
