@@ -105,20 +105,24 @@ fn count(at: &At<'_>, thrift: &mut Thrift<'_>, field: Field) -> Result<u64> {
 /// Nothing: what the header of a kind of page (`field`) says of its rows.
 fn rows(at: &At<'_>, thrift: &mut Thrift<'_>, field: Field, header: &mut Header) -> Result<()> {
     thrift.structure(field)?;
-    let second_version = field.number == 8;
+    let version = match field.number {
+        5 => 1,
+        7 => 0, // a dictionary
+        _ => 2,
+    };
     thrift.fields(|thrift, field| {
-        match (field.number, second_version) {
+        match (field.number, version) {
             (1, _) => header.num_values = count(at, thrift, field)?,
-            (2, false) | (4, true) => header.encoding = thrift.integer(field)?,
-            (3 | 4, false) => {
+            (2, 0 | 1) | (4, 2) => header.encoding = thrift.integer(field)?,
+            (3 | 4, 1) => {
                 let levels = thrift.integer(field)?;
                 if levels != RLE {
                     return Err(at.error(format!("levels of encoding {RLE}"), levels.to_string()));
                 }
             }
-            (5, true) => header.levels[1] = count(at, thrift, field)?,
-            (6, true) => header.levels[0] = count(at, thrift, field)?,
-            (7, true) => header.values_packed = thrift.truth(field)?,
+            (5, 2) => header.levels[1] = count(at, thrift, field)?,
+            (6, 2) => header.levels[0] = count(at, thrift, field)?,
+            (7, 2) => header.values_packed = thrift.truth(field)?,
             _ => thrift.skip(field)?,
         }
         Ok(())
