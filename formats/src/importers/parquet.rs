@@ -153,7 +153,12 @@ impl ParquetFile {
         Ok(found)
     }
 
-    fn flat<T: Clone>(&self, name: &str, kind: &'static str, of: impl Fn(Value<'_>) -> Option<T>) -> Result<Vec<Option<T>>> {
+    fn flat<T: Clone>(
+        &self,
+        name: &str,
+        kind: &'static str,
+        of: impl Fn(Value<'_>) -> Option<T>,
+    ) -> Result<Vec<Option<T>>> {
         let mut values = Vec::new();
         self.visit(name, 0..u64::MAX, |row, value| {
             let row = usize::try_from(row).map_err(|_e| kind)?;
@@ -240,11 +245,19 @@ impl ParquetFile {
     }
 
     /// The page `index` of a chunk, or (`None`) that in which `row` begins; nothing behind the last one.
-    fn page(&self, at: At<'_>, place: Place<'_>, file: &mut File, index: Option<usize>, row: u64) -> Result<Option<(usize, Found)>> {
+    fn page(
+        &self,
+        at: At<'_>,
+        place: Place<'_>,
+        file: &mut File,
+        index: Option<usize>,
+        row: u64,
+    ) -> Result<Option<(usize, Found)>> {
         let mut known = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let pages = &mut known[place.group][place.leaf];
         loop {
-            let index = index.unwrap_or_else(|| pages.data.partition_point(|page| page.first_row + page.num_rows <= row));
+            let index =
+                index.unwrap_or_else(|| pages.data.partition_point(|page| page.first_row + page.num_rows <= row));
             if let Some(found) = pages.data.get(index) {
                 return Ok(Some((index, *found)));
             }

@@ -64,7 +64,8 @@ fn drives(folder: &Path) -> Result<Vec<Found>> {
     let found = |place: &Path, ending: &str| -> Result<Vec<Found>> {
         let is_record = ending == RECORDS;
         let names = entries(place, &[ending])?;
-        let drive = |name: &String| Some(Found { root: folder.to_owned(), name: stem(name, ending)?.to_owned(), is_record });
+        let drive =
+            |name: &String| Some(Found { root: folder.to_owned(), name: stem(name, ending)?.to_owned(), is_record });
         Ok(names.iter().filter_map(drive).collect())
     };
     let records = found(folder, RECORDS)?;

@@ -42,8 +42,8 @@ fn imported(folder: &Path, place: &Path) -> Result<ClipDir, Failed> {
 }
 
 fn layouts_keep_times() -> Outcome {
-    for (layout, has) in [("pandaset", true), ("av2", true), ("dgp", false), ("nuscenes", false), ("kitti-raw", false)]
-    {
+    let layouts = [("pandaset", true), ("av2", true), ("waymo", true)];
+    for (layout, has) in layouts.into_iter().chain(["dgp", "nuscenes", "kitti-raw"].map(|layout| (layout, false))) {
         let (place, folder) = (tempfile::tempdir()?, foreign(layout)?.path());
         let dir = imported(&folder, place.path())?;
         for (frame, record) in dir.clip().frames.iter().enumerate() {

@@ -158,7 +158,8 @@ mod tests {
 
     #[test]
     fn flags_are_read() {
-        let Ok(Command::Import(import)) = parse("import av2 log --out clip --frames 3,5..7 --cameras a,b --lidars c") else {
+        let Ok(Command::Import(import)) = parse("import av2 log --out clip --frames 3,5..7 --cameras a,b --lidars c")
+        else {
             panic!("no import");
         };
         assert_eq!((import.layout, import.frames), (LayoutArg::Av2, Some(FrameList(vec![3, 5, 6, 7]))));

@@ -130,7 +130,9 @@ fn parse(at: At<'_>, bytes: &[u8], body: u64) -> Result<Footer> {
         for (chunk, leaf) in group.chunks.iter().zip(&leaves) {
             if chunk.start > chunk.end || chunk.end > body {
                 let found = format!("bytes {} to {}", chunk.start, chunk.end);
-                return Err(at.error(format!("column `{}` within the {body} bytes before the footer", leaf.name), found));
+                return Err(
+                    at.error(format!("column `{}` within the {body} bytes before the footer", leaf.name), found)
+                );
             }
         }
     }

@@ -92,7 +92,9 @@ pub(super) fn header(at: At<'_>, bytes: &[u8]) -> Result<(Header, u64)> {
     })?;
     let most = most_values(header.packed);
     if header.num_values > most {
-        return Err(at.error(format!("at most {most} values in {} bytes", header.packed), header.num_values.to_string()));
+        return Err(
+            at.error(format!("at most {most} values in {} bytes", header.packed), header.num_values.to_string())
+        );
     }
     Ok((header, thrift.position() as u64))
 }

@@ -64,7 +64,8 @@ impl<'a> Thrift<'a> {
     }
 
     fn byte(&mut self) -> Result<u8> {
-        let byte = self.bytes.get(self.next).copied().ok_or_else(|| self.at.error("more bytes", "their end (truncated?)"))?;
+        let byte =
+            self.bytes.get(self.next).copied().ok_or_else(|| self.at.error("more bytes", "their end (truncated?)"))?;
         self.next += 1;
         Ok(byte)
     }
@@ -120,7 +121,8 @@ impl<'a> Thrift<'a> {
         let length = self.varint()?;
         let short = usize::try_from(length).ok().filter(|&length| length <= limit);
         let bytes = short.and_then(|length| self.bytes.get(self.next..self.next.checked_add(length)?));
-        let bytes = bytes.ok_or_else(|| self.at.error(format!("a text of at most {limit} bytes"), format!("{length} bytes")))?;
+        let bytes = bytes
+            .ok_or_else(|| self.at.error(format!("a text of at most {limit} bytes"), format!("{length} bytes")))?;
         self.next += bytes.len();
         std::str::from_utf8(bytes).map(str::to_owned).map_err(|e| self.at.error("UTF-8 text", e.to_string()))
     }
@@ -239,7 +241,8 @@ mod tests {
     fn fields_are_read_and_passed_over() {
         // 1: i32 -3, 2: text "ab", 3: list of i32 [1, 2], 5: true, 6: structure { 1: i64 300 }, 7: list of lists.
         let bytes = [
-            0x15, 5, 0x18, 2, b'a', b'b', 0x19, 0x25, 2, 4, 0x21, 0x1c, 0x16, 0xd8, 0x04, 0x00, 0x19, 0x19, 0x15, 2, 0x00,
+            0x15, 5, 0x18, 2, b'a', b'b', 0x19, 0x25, 2, 4, 0x21, 0x1c, 0x16, 0xd8, 0x04, 0x00, 0x19, 0x19, 0x15, 2,
+            0x00,
         ];
         let read = |thrift: &mut Thrift<'_>| {
             let mut found = Vec::new();

@@ -62,7 +62,8 @@ impl Components {
     pub(super) fn read(folder: &Path, name: &str) -> Result<(Self, Vec<Result<Snapshot<Place>>>)> {
         let file = |component: &str| Path::new(component).join(format!("{name}.parquet"));
         let open = |component: &str| ParquetFile::open(&folder.join(file(component)));
-        let optional = |component: &str| Some(component).filter(|c| folder.join(file(c)).exists()).map(open).transpose();
+        let optional =
+            |component: &str| Some(component).filter(|c| folder.join(file(c)).exists()).map(open).transpose();
         let components = Self {
             sweeps: file(LIDAR),
             images: file(CAMERA_IMAGE),

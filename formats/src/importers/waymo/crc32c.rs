@@ -91,7 +91,9 @@ mod tests {
     #[test]
     fn known_checksums() {
         // RFC 3720, B.4, and the mask undone.
-        for (bytes, want) in [(vec![0_u8; 32], 0x8a91_36aa_u32), (vec![0xff; 32], 0x62a8_ab43), ((0..32).collect(), 0x46dd_794e)] {
+        for (bytes, want) in
+            [(vec![0_u8; 32], 0x8a91_36aa_u32), (vec![0xff; 32], 0x62a8_ab43), ((0..32).collect(), 0x46dd_794e)]
+        {
             assert_eq!(masked(&bytes).wrapping_sub(MASK).rotate_left(15), want);
         }
         assert_eq!(masked(b"123456789").wrapping_sub(MASK).rotate_left(15), 0xe306_9283);

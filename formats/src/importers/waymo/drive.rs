@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 
 use super::{
     returns::{Frames, Returns, TURN},
-    snapshot::{CameraMount, Image, LaserMount, Laser, RangeImage, Shutter, Snapshot},
+    snapshot::{CameraMount, Image, Laser, LaserMount, RangeImage, Shutter, Snapshot},
 };
 use crate::{
     camera::{Camera, Distortion, Intrinsics, Readout, ReadoutDirection},
@@ -72,11 +72,18 @@ impl<S: Store> Drive<S> {
     ///
     /// # Errors
     /// Calibrations that are missing; `file` is what errors name.
-    pub(super) fn frame(&mut self, file: &Path, index: usize, snapshot: &Snapshot<S::Place>, selection: &Selection) -> Result<Frame> {
+    pub(super) fn frame(
+        &mut self,
+        file: &Path,
+        index: usize,
+        snapshot: &Snapshot<S::Place>,
+        selection: &Selection,
+    ) -> Result<Frame> {
         let error = |field: &str, expected: String, found: String| {
             Err(FormatError::invalid(file, format!("frame {index}: {field}"), expected, found))
         };
-        let mut mounts: Vec<&LaserMount> = snapshot.mounts.iter().filter(|m| selection.lidar(m.sensor.name())).collect();
+        let mut mounts: Vec<&LaserMount> =
+            snapshot.mounts.iter().filter(|m| selection.lidar(m.sensor.name())).collect();
         mounts.sort_by_key(|mount| mount.sensor);
         mounts.dedup_by_key(|mount| mount.sensor);
         let Some(first) = mounts.first() else {

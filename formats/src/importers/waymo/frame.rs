@@ -309,7 +309,8 @@ pub(super) fn content(path: &Path, name: &str, place: &Place, limit: u64) -> Res
 /// Bytes that are damaged, or no matrix of three dimensions.
 pub(super) fn range_image(path: &Path, name: &str, place: &Place) -> Result<RangeImage> {
     let packed = content(path, name, place, MAX_PACKED)?;
-    let message = read_unpacked(path, &format!("{name}: zlib"), packed.len() as u64, ZlibDecoder::new(packed.as_slice()))?;
+    let message =
+        read_unpacked(path, &format!("{name}: zlib"), packed.len() as u64, ZlibDecoder::new(packed.as_slice()))?;
     let (mut dims, mut values) = (Vec::new(), Vec::new());
     let mut input = Input::new(path, format!("{name}: unpacked"), Cursor::new(message.as_slice()));
     let mut fields = Fields::new(0..message.len() as u64);
@@ -324,7 +325,8 @@ pub(super) fn range_image(path: &Path, name: &str, place: &Place) -> Result<Rang
             _ => {}
         }
     }
-    RangeImage::new(&dims, values).map_err(|found| FormatError::invalid(path, name, "a matrix of three dimensions", found))
+    RangeImage::new(&dims, values)
+        .map_err(|found| FormatError::invalid(path, name, "a matrix of three dimensions", found))
 }
 
 /// The dimensions that a message `MatrixShape` says.

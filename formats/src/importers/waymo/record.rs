@@ -28,7 +28,9 @@ const PIECE: usize = 1 << 20;
 /// Whether a file begins with the head of a record.
 pub(super) fn is_of(file: &Path) -> bool {
     let mut head = [0; HEAD];
-    file.is_file() && File::open(file).and_then(|mut file| file.read_exact(&mut head)).is_ok() && length_of(&head).is_some()
+    file.is_file()
+        && File::open(file).and_then(|mut file| file.read_exact(&mut head)).is_ok()
+        && length_of(&head).is_some()
 }
 
 /// The length that a head says, when its checksum is right.
@@ -54,10 +56,17 @@ pub(super) fn index(path: &Path) -> Result<Vec<Result<Range<u64>>>> {
             records.push(Err(truncated(format!("{} bytes", size - at))));
             break;
         }
-        file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut head)).map_err(|e| FormatError::io(path, "read", e))?;
+        file.seek(SeekFrom::Start(at))
+            .and_then(|_| file.read_exact(&mut head))
+            .map_err(|e| FormatError::io(path, "read", e))?;
         let Some(length) = length_of(&head) else {
             let expected = "a length with the checksum behind it";
-            records.push(Err(FormatError::invalid(path, field, expected, "another checksum (damaged, or compressed?)")));
+            records.push(Err(FormatError::invalid(
+                path,
+                field,
+                expected,
+                "another checksum (damaged, or compressed?)",
+            )));
             break;
         };
         let start = at + HEAD as u64;

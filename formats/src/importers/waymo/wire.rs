@@ -80,7 +80,9 @@ impl Fields {
                 return Ok(Some(Field { number, value: Value::Bytes(start..start + length) }));
             }
             5 => Value::Fixed32(input.array(rest.end)?),
-            other => return Err(input.error(format!("a wire type of field {number} of 0, 1, 2 or 5"), other.to_string())),
+            other => {
+                return Err(input.error(format!("a wire type of field {number} of 0, 1, 2 or 5"), other.to_string()));
+            }
         };
         rest.start = input.position;
         Ok(Some(Field { number, value }))
@@ -99,7 +101,8 @@ impl<'a, R: Read + Seek> Input<'a, R> {
     }
 
     fn seek(&mut self, to: u64) -> Result<()> {
-        let step = i64::try_from(i128::from(to) - i128::from(self.position)).map_err(|e| self.error("a place in the file", e.to_string()))?;
+        let step = i64::try_from(i128::from(to) - i128::from(self.position))
+            .map_err(|e| self.error("a place in the file", e.to_string()))?;
         self.reader.seek_relative(step).map_err(|e| FormatError::io(self.path, "read", e))?;
         self.position = to;
         Ok(())
@@ -250,10 +253,18 @@ mod tests {
     #[test]
     fn fields_of_every_type() {
         let bytes = [0x08, 0x96, 0x01, 0x12, 0x02, b'a', b'b', 0x1d, 1, 2, 3, 4, 0x21, 1, 2, 3, 4, 5, 6, 7, 8];
-        let want = [Value::Varint(150), Value::Bytes(5..7), Value::Fixed32([1, 2, 3, 4]), Value::Fixed64([1, 2, 3, 4, 5, 6, 7, 8])];
+        let want = [
+            Value::Varint(150),
+            Value::Bytes(5..7),
+            Value::Fixed32([1, 2, 3, 4]),
+            Value::Fixed64([1, 2, 3, 4, 5, 6, 7, 8]),
+        ];
         let want: Vec<Field> = (1..).zip(want).map(|(number, value)| Field { number, value }).collect();
         assert_eq!(all(&bytes).unwrap(), want);
-        assert_eq!(all(&[0x08, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01]).unwrap()[0].value, Value::Varint(u64::MAX));
+        assert_eq!(
+            all(&[0x08, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01]).unwrap()[0].value,
+            Value::Varint(u64::MAX)
+        );
     }
 
     #[test]
