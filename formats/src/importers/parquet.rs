@@ -6,6 +6,7 @@
 //! # Source
 //! <https://parquet.apache.org/docs/file-format>
 
+mod cells;
 mod footer;
 mod hybrid;
 mod page;
@@ -19,8 +20,9 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
+use cells::{Cell, Value};
 use footer::{Chunk, Footer, Leaf};
-use page::{Cell, Header, Kind, Page, Value};
+use page::{Header, Kind, Page};
 
 use super::values::At;
 use crate::error::{FormatError, Result};

@@ -11,6 +11,7 @@ mod components;
 mod crc32c;
 mod drive;
 mod frame;
+mod matrix;
 mod record;
 mod returns;
 mod snapshot;
@@ -48,7 +49,7 @@ pub(super) fn resembles(path: &Path) -> bool {
         return path.extension().is_some_and(|end| RECORDS.ends_with(&*end.to_string_lossy()) && !end.is_empty());
     }
     let has_tables = |name: &&str| entries(&path.join(name), &[TABLES]).is_ok_and(|names| !names.is_empty());
-    ["camera_image", "lidar_calibration", components::VEHICLE_POSE].iter().any(|name| has_tables(&name))
+    ["camera_image", "lidar_calibration", components::VEHICLE_POSE].iter().any(has_tables)
 }
 
 /// A drive in a folder.
@@ -186,10 +187,10 @@ impl Store for Records {
     }
 
     fn image(&self, name: &str, place: &Range<u64>) -> Result<Vec<u8>> {
-        frame::content(&self.path, name, place, MAX_IMAGE_BYTES)
+        matrix::content(&self.path, name, place, MAX_IMAGE_BYTES)
     }
 
     fn range_image(&self, name: &str, place: &Range<u64>) -> Result<Option<RangeImage>> {
-        frame::range_image(&self.path, name, place).map(Some)
+        matrix::range_image(&self.path, name, place).map(Some)
     }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use lgs_engine::points::aggregate;
 use lgs_engine::views::ClipFrame;
 use lgs_formats::clip_dir::ClipDir;
-use lgs_formats::importers;
+use lgs_formats::importers::{self, Layout, Selection};
 use lgs_formats::sweep::read_sweep;
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::layouts::foreign;
@@ -36,8 +36,12 @@ pub(crate) fn cases() -> Vec<Trial> {
 
 /// The clip of a folder, written and opened.
 fn imported(folder: &Path, place: &Path) -> Result<ClipDir, Failed> {
+    written(&importers::open(folder)?, place)
+}
+
+fn written(source: &ClipDir, place: &Path) -> Result<ClipDir, Failed> {
     let out = place.join("clip");
-    importers::write(&importers::open(folder)?, &out)?;
+    importers::write(source, &out)?;
     Ok(ClipDir::open(&out)?)
 }
 
@@ -123,7 +127,9 @@ fn kitti_fixture() -> Outcome {
 
 fn pandaset(folder: &Path) -> Outcome {
     let place = tempfile::tempdir()?;
-    let dir = imported(folder, place.path())?;
+    let lidars = Some(vec!["main_pandar64".to_owned()]);
+    let selection = Selection { lidars, ..Selection::default() };
+    let dir = written(&importers::open_as(Layout::PandaSet, folder, &selection)?, place.path())?;
     let clip = dir.clip();
     for (f, frame) in clip.frames.iter().enumerate() {
         let sweep = dir.load_sweep(f)?;

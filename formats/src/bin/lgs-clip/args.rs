@@ -45,7 +45,7 @@ pub(crate) struct Import {
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) cameras: Option<Vec<String>>,
 
-    /// Names of the LiDARs to take, separated by commas, where there are several (PandaSet, Waymo) [default: all]
+    /// Which LiDAR to take, names separated by commas, where there are several (`pandaset`, `waymo`) [default: all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) lidars: Option<Vec<String>>,
 

@@ -3,35 +3,21 @@
 //! # Source
 //! waymo-research/waymo-open-dataset, `dataset.proto` and `label.proto`: the numbers of the fields.
 
-use std::{
-    fs::File,
-    io::{BufReader, Cursor, Read, Seek},
-    ops::Range,
-    path::Path,
-};
-
-use flate2::bufread::ZlibDecoder;
+use std::{fs::File, io::BufReader, ops::Range, path::Path};
 
 use super::{
     snapshot::{
-        CameraMount, Image, Inclinations, Label, Laser, LaserMount, RangeImage, Sensor, Shutter, Snapshot, direction,
-        pose_of,
+        CameraMount, Image, Inclinations, Label, Laser, LaserMount, Sensor, Shutter, Snapshot, direction, pose_of,
     },
     wire::{Field, Fields, Input, Value},
 };
 use crate::{
     error::{FormatError, Result},
     pose::Pose,
-    read::read_unpacked,
 };
 
-/// Longest packed range image, bytes.
-const MAX_PACKED: u64 = 1 << 28;
 /// Most lists of a frame: cameras, `LiDARs`.
 const MAX_SENSORS: usize = 64;
-
-/// Most dimensions of a matrix that are looked at.
-const MAX_DIMS: usize = 3;
 
 type Place = Range<u64>;
 type Bytes<'a> = Input<'a, BufReader<File>>;
@@ -292,60 +278,4 @@ impl Reader<'_> {
         })?;
         Ok(label)
     }
-}
-
-/// The bytes of a file inside a record; `name` is what errors call it.
-///
-/// # Errors
-/// More than `limit`, or a file that cannot be read.
-pub(super) fn content(path: &Path, name: &str, place: &Place, limit: u64) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(|e| FormatError::io(path, "read", e))?;
-    Input::new(path, name.to_owned(), BufReader::new(file)).bytes(place, limit)
-}
-
-/// The range image whose packed message is there.
-///
-/// # Errors
-/// Bytes that are damaged, or no matrix of three dimensions.
-pub(super) fn range_image(path: &Path, name: &str, place: &Place) -> Result<RangeImage> {
-    let packed = content(path, name, place, MAX_PACKED)?;
-    let message =
-        read_unpacked(path, &format!("{name}: zlib"), packed.len() as u64, ZlibDecoder::new(packed.as_slice()))?;
-    let (mut dims, mut values) = (Vec::new(), Vec::new());
-    let mut input = Input::new(path, format!("{name}: unpacked"), Cursor::new(message.as_slice()));
-    let mut fields = Fields::new(0..message.len() as u64);
-    while let Some(Field { number, value }) = fields.next(&mut input)? {
-        match (number, value) {
-            (1, Value::Bytes(place)) => {
-                let bytes = input.bytes(&place, message.len() as u64)?;
-                values.extend(bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)));
-            }
-            (1, Value::Fixed32(bytes)) => values.push(f32::from_le_bytes(bytes)),
-            (2, Value::Bytes(place)) => dims = shape(&mut input, place)?,
-            _ => {}
-        }
-    }
-    RangeImage::new(&dims, values)
-        .map_err(|found| FormatError::invalid(path, name, "a matrix of three dimensions", found))
-}
-
-/// The dimensions that a message `MatrixShape` says.
-fn shape<R: Read + Seek>(input: &mut Input<'_, R>, message: Place) -> Result<Vec<i64>> {
-    let (mut fields, mut dims) = (Fields::new(message), Vec::new());
-    while let Some(Field { number, value }) = fields.next(input)? {
-        match (number, &value) {
-            (1, Value::Bytes(packed)) => {
-                let mut rest = packed.clone();
-                while !rest.is_empty() && dims.len() <= MAX_DIMS {
-                    dims.push(input.next_integer(&mut rest)?);
-                }
-            }
-            (1, _) => dims.push(input.integer(&value)?),
-            _ => {}
-        }
-        if dims.len() > MAX_DIMS {
-            return Err(input.error("three dimensions", "more"));
-        }
-    }
-    Ok(dims)
 }

@@ -73,7 +73,7 @@ impl Returns {
         for (row, line) in pixels.chunks_exact(width.max(1)).enumerate() {
             let (up, level) = beams[row].sin_cos();
             for (column, &[range, intensity, _, _]) in line.iter().enumerate() {
-                if !(range > 0.0) {
+                if range.is_nan() || range <= 0.0 {
                     continue;
                 }
                 let ([sin, cos], time) = columns[column];
