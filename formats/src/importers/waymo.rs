@@ -25,13 +25,16 @@ use std::{
 
 use components::Components;
 use drive::{Drive, Store};
-use snapshot::{MAX_IMAGE_BYTES, RangeImage, Snapshot, laser_names};
+use snapshot::{MAX_IMAGE_BYTES, RangeImage, Snapshot, camera_names, laser_names};
 
 use super::{
     Selection, Source,
     values::{entries, stem},
 };
-use crate::error::{FormatError, Result};
+use crate::{
+    clip::Frame,
+    error::{FormatError, Result},
+};
 
 const RECORDS: &str = ".tfrecord";
 const TABLES: &str = ".parquet";
@@ -46,7 +49,7 @@ pub(super) fn is_of(path: &Path) -> bool {
 /// Whether a path has the name of a drive, or is a folder of some of what a drive has.
 pub(super) fn resembles(path: &Path) -> bool {
     if !path.is_dir() {
-        return path.extension().is_some_and(|end| RECORDS.ends_with(&*end.to_string_lossy()) && !end.is_empty());
+        return path.file_name().is_some_and(|name| stem(&name.to_string_lossy(), RECORDS).is_some());
     }
     let has_tables = |name: &&str| entries(&path.join(name), &[TABLES]).is_ok_and(|names| !names.is_empty());
     ["camera_image", "lidar_calibration", components::VEHICLE_POSE].iter().any(has_tables)
@@ -154,7 +157,11 @@ fn source<S: Store + 'static>(
         cameras.extend(snapshot.images.iter().map(|image| image.sensor.name().to_owned()));
         drive.frame(file, index, &snapshot, selection)
     };
-    let frames = snapshots.into_iter().enumerate().map(frame).collect();
+    let frames: Vec<Result<Frame>> = snapshots.into_iter().enumerate().map(frame).collect();
+    if frames.iter().all(Result::is_err) {
+        // Nothing is known of the cameras: what is wrong with the frames is said, not that they have none.
+        cameras = camera_names();
+    }
     Source {
         root,
         source: format!("Waymo Open Dataset, {name}"),

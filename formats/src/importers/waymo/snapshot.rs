@@ -59,6 +59,11 @@ impl fmt::Display for Sensor {
     }
 }
 
+/// The names of all cameras.
+pub(super) fn camera_names() -> Vec<String> {
+    CAMERAS.map(str::to_owned).to_vec()
+}
+
 /// The names of all `LiDARs`.
 pub(super) fn laser_names() -> Vec<String> {
     LASERS.map(str::to_owned).to_vec()

@@ -102,6 +102,7 @@ fn left_out() -> Outcome {
     bytes[last] ^= 1;
     refused(&bytes, &[], &["d.tfrecord: record 1"])?;
     refused(&bytes, &["--frames", "0,2"], &["d.tfrecord: record 2", "CRC-32C"])?;
+    refused(&bytes, &["--frames", "2", "--cameras", "FRONT"], &["d.tfrecord: record 2", "CRC-32C"])?;
     refused(&bytes, &["--frames", "3"], &["--frames", "below 3"])?;
     let place = tempfile::tempdir()?;
     fs::write(place.path().join("d.tfrecord"), &bytes)?;
