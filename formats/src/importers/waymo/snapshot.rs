@@ -22,9 +22,9 @@ const MAX_VALUES: usize = 1 << 26;
 /// One of the cameras or of the `LiDARs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Sensor {
-    name: &'static str,
-    /// Its number in the data set, from 1.
+    /// Its number in the data set, from 1, by which sensors are sorted.
     number: i64,
+    name: &'static str,
 }
 
 impl Sensor {
