@@ -1,23 +1,25 @@
 //! `PandaSet` sequences: `lidar/` and `annotations/cuboids/` of pickled frames of pandas, `camera/` of JPEG images.
 //!
-//! Points lie in the world, and two `LiDARs` measured them: the turning Pandar64 (`d = 0`), whose poses are those of the sweeps, and the
-//! forward-looking `PandarGT` (`d = 1`). An object seen by both has two boxes, of which the Pandar64's is kept. `t` is the moment of each
+//! Points lie in the world, and two `LiDARs` measured them: the turning Pandar64 (`d = 0`) and the forward-looking `PandarGT` (`d = 1`). An object seen by both has two boxes, of which the Pandar64's is kept. `t` is the moment of each
 //! point, for whose motion of the car its place already accounts.
 //!
 //! # Source
-//! scaleapi/pandaset-devkit: `docs/static_extrinsic_calibration.yaml`, by whose names the `LiDARs` go, says where the second one is. `python/pandaset`, whose `geometry.projection` knows no lens. Images are rectified already: what two images of
+//! scaleapi/pandaset-devkit: `python/pandaset`, whose `geometry.projection` knows no lens. Images are rectified already: what two images of
 //! one camera, or of two side by side, show of the same returns is more alike without the distortion of
-//! that file, in all six cameras (over two of them, 40 % of the variance of brightness stays unexplained without
+//! `docs/static_extrinsic_calibration.yaml`, in all six cameras (over two of them, 40 % of the variance of brightness stays unexplained without
 //! it, 98 % with it). Shutters roll from the top down, from 30 ms before the moment of an image until 10 ms after it: so Tonderski et al., `NeuRAD`
 //! (2024), and so 11 images at 540x960 are reconstructed best, by 0.4 dB; with other readouts of 0 to 50 ms and other moments by less.
 //! Calibration follows `OpenCV`, which counts from the centre of the first pixel: half a pixel is added.
+
+mod lidars;
 
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
+use lidars::{PANDAR_GT, PANDAR64};
 use serde::Deserialize;
 
 use super::{
@@ -38,17 +40,6 @@ const FRAME_ENDINGS: [&str; 2] = [".pkl.gz", ".pkl"];
 const CUBOIDS: &str = "annotations/cuboids";
 /// Shutter of all cameras.
 const SHUTTER: Readout = Readout { seconds: 0.04, direction: ReadoutDirection::TopToBottom, middle: -0.01 };
-/// `d` of points of the turning LiDAR.
-const PANDAR64: i64 = 0;
-/// `d` of points and `cuboids.sensor_id` of boxes of the forward-looking LiDAR.
-const PANDAR_GT: i64 = 1;
-/// `d` of points of each LiDAR and its name.
-const LIDARS: [(i64, &str); 2] = [(PANDAR64, "main_pandar64"), (PANDAR_GT, "front_gt")];
-/// Where the forward-looking LiDAR is, in the frame of the turning one: quaternion (w, x, y, z), metres.
-const FRONT_GT: ([f64; 4], [f64; 3]) = (
-    [0.021_475_754_959_146_356, -0.002_060_907_279_494_794, 0.011_346_781_815_207_67, 0.999_702_853_428_236_5],
-    [-0.000_451_117_754, -0.605_646_431_446, -0.301_525_235_176],
-);
 
 /// Whether a folder is a sequence.
 pub(super) fn is_of(folder: &Path) -> bool {
@@ -76,14 +67,14 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         }
         names.push(name);
     }
-    let taken = LIDARS.iter().filter(|(_, name)| selection.lidar(name)).map(|(d, _)| *d).collect::<Vec<_>>();
-    let mounts = mounts(&taken);
+    let taken = lidars::wanted(selection);
+    let lidar_from_sensor = lidars::mounts(&taken);
     let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).unwrap_or_default();
     let frame = |(index, file): (usize, &Numbered)| {
         let file_of_sweep = Path::new("lidar").join(&file.name);
         let mut lidar = LidarRecord::new(file_of_sweep.clone(), sweeps.times[index], sweeps.pose(index)?);
         lidar.returns.sensors =
-            mounts.clone().map(|lidar_from_sensor| SensorsRecord { file: file_of_sweep, lidar_from_sensor });
+            Some(SensorsRecord { file: file_of_sweep, lidar_from_sensor: lidar_from_sensor.clone() });
         let cameras = cameras.iter().filter_map(|images| images.record(file.number).transpose());
         let place = boxes.binary_search_by_key(&file.number, |b| b.number).ok();
         let boxes = place.map(|place| cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)));
@@ -96,17 +87,9 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "PandaSet terms of use".to_owned(),
         frames: sweeps.files.iter().enumerate().map(frame).collect(),
         cameras: names,
-        lidars: LIDARS.map(|(_, name)| name.to_owned()).to_vec(),
+        lidars: lidars::names(),
         decoder: Arc::new(Decoder { taken }),
     })
-}
-
-/// Where the `LiDARs` are that are taken, in the frame of the turning one; `None` where it is the only one.
-fn mounts(taken: &[i64]) -> Option<Vec<Pose>> {
-    let ([w, x, y, z], place) = FRONT_GT;
-    let front_gt = Pose::new(DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)), DVec3::from(place));
-    let mount = |&d: &i64| if d == PANDAR64 { Pose::IDENTITY } else { front_gt };
-    (taken != [PANDAR64]).then(|| taken.iter().map(mount).collect())
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -268,10 +251,8 @@ impl Decode for Decoder {
             let p = lidar_from_world.transform_point(DVec3::new(x, y, z));
             [p.x, p.y, p.z, intensity].map(|value| value as f32)
         };
-        let mut sweep = Sweep::of_rows(path, kept.map(place))?;
-        if record.returns.sensors.is_some() {
-            sweep.sensors = Some((0..own.len()).filter_map(sensor).collect());
-        }
+        let sensors = (0..own.len()).filter_map(sensor).collect();
+        let sweep = Sweep { sensors: Some(sensors), ..Sweep::of_rows(path, kept.map(place))? };
         if !table.has("t") {
             return Ok(sweep);
         }

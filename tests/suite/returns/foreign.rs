@@ -157,7 +157,12 @@ fn pandaset(folder: &Path) -> Outcome {
     // Rays start along the car's way, not at one place a sweep.
     let cloud = aggregate(&dir, &[0, 1], &ClipFrame::of(clip, 0))?;
     let ahead = cloud.origins.iter().zip(&cloud.frames).filter(|(_, frame)| **frame == 0).map(|(origin, _)| *origin);
-    let spread = ahead.fold(0.0_f32, |most, [x, y, z]| most.max((x * x + y * y + z * z).sqrt()));
+    let ahead: Vec<[f32; 3]> = ahead.collect();
+    let from_first = |[x, y, z]: [f32; 3]| {
+        let [a, b, c] = ahead[0];
+        ((x - a).powi(2) + (y - b).powi(2) + (z - c).powi(2)).sqrt()
+    };
+    let spread = ahead.iter().fold(0.0_f32, |most, origin| most.max(from_first(*origin)));
     if spread > 0.2 { Ok(()) } else { Err(format!("rays start within {spread} m").into()) }
 }
 
