@@ -96,8 +96,11 @@ impl<S: Store> Drive<S> {
         let lidar_from_vehicle = vehicle_from_lidar.inverse();
         let mut lasers = Vec::new();
         for (sensor, mount) in (0_u8..).zip(&mounts) {
-            let own = snapshot.lasers.iter().filter(|laser| laser.sensor == mount.sensor);
-            lasers.extend(own.map(|laser| (sensor, (*mount).clone(), laser.clone())));
+            let mut own = snapshot.lasers.iter().filter(|laser| laser.sensor == mount.sensor);
+            lasers.extend(own.next().map(|laser| (sensor, (*mount).clone(), laser.clone())));
+            if own.next().is_some() {
+                return error("lasers", format!("one of {}", mount.sensor), "several".to_owned());
+            }
         }
         let is_known = |laser: &&Laser<S::Place>| snapshot.mounts.iter().any(|mount| mount.sensor == laser.sensor);
         if let Some(lost) = snapshot.lasers.iter().find(|laser| !is_known(laser)) {

@@ -18,6 +18,8 @@ use crate::{
 
 /// Most lists of a frame: cameras, `LiDARs`.
 const MAX_SENSORS: usize = 64;
+/// Most labels of a frame.
+const MAX_LABELS: usize = 100_000;
 
 type Place = Range<u64>;
 type Bytes<'a> = Input<'a, BufReader<File>>;
@@ -77,6 +79,11 @@ pub(super) fn read(path: &Path, index: usize, content: &Place) -> Result<NamedFr
                 snapshot.labels.get_or_insert_default().push(label);
             }
             _ => {}
+        }
+        let lists = [snapshot.images.len(), snapshot.lasers.len()].into_iter().max().unwrap_or(0);
+        if lists > MAX_SENSORS || snapshot.labels.as_ref().is_some_and(|labels| labels.len() > MAX_LABELS) {
+            let expected = format!("at most {MAX_SENSORS} images and LiDARs, {MAX_LABELS} labels");
+            return Err(reader.error("lists", expected, "more"));
         }
         Ok(())
     })?;

@@ -72,7 +72,7 @@ pub(super) fn index(path: &Path) -> Result<Vec<Result<Range<u64>>>> {
         let start = at + HEAD as u64;
         let rest = size - start;
         if length.checked_add(TAIL as u64).is_none_or(|whole| whole > rest) {
-            records.push(Err(truncated(format!("{rest} of {length} bytes and a checksum"))));
+            records.push(Err(truncated(format!("{rest} of {} bytes", length.saturating_add(TAIL as u64)))));
             break;
         }
         records.push(Ok(start..start + length));
