@@ -24,7 +24,12 @@ pub fn open(path: &Path) -> Result<ClipDir> {
 pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
     let is_file = path.is_file();
     if is_file && !Layout::Waymo.is_of(path) && !Layout::Waymo.resembles(path) {
-        return Err(FormatError::invalid(path, "layout", "a folder, or a file of Waymo's records", "another file"));
+        return Err(FormatError::invalid(
+            path,
+            "layout",
+            "a folder, or a file of Waymo's records",
+            "a file of something else",
+        ));
     }
     if !(path.is_dir() || is_file) || path.join(CLIP_FILE).exists() {
         return ClipDir::open_part(path, needed);

@@ -67,14 +67,14 @@ fn labels(frame: &Frame) -> Outcome {
     if counts != [37, 12, 25, 1] {
         return Err(format!("{counts:?}").into());
     }
-    // What is labelled stands on the road, within 80 m, and most of it is seen by a camera.
+    // What is labelled is within 80 m, between the road and the signs over it, and most of it is seen by a camera.
     let seen = |tracked: &&TrackedBox| {
         let centre = tracked.world_from_box.translation();
         frame.cameras.iter().any(|record| is_in(record, centre))
     };
     let near = |tracked: &&TrackedBox| {
         let own = frame.lidar.world_from_lidar.inverse().transform_point(tracked.world_from_box.translation());
-        own.truncate().length() < 80.0 && (-5.0..3.0).contains(&own.z)
+        own.truncate().length() < 80.0 && (-5.0..5.0).contains(&own.z)
     };
     let (seen, near) = (boxes.iter().filter(seen).count(), boxes.iter().filter(near).count());
     if seen > 40 && near == boxes.len() { Ok(()) } else { Err(format!("{seen} seen, {near} near").into()) }
