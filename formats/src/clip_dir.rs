@@ -16,7 +16,7 @@ use crate::{
     image::{self, DepthMap, ImageSize, LoadedImage},
     lidar_motion::{self, LidarMotion},
     pose::Pose,
-    read::read_file,
+    read::{MAX_DATA_BYTES, read_file},
     returns,
     sweep::{self, Sweep},
     write::write_atomic,
@@ -27,13 +27,26 @@ pub const CLIP_FILE: &str = "clip.json";
 /// Largest `clip.json`, bytes.
 pub const MAX_CLIP_BYTES: u64 = 64 << 20;
 
-/// The way from a foreign sweep file to a sweep.
-pub(crate) trait SweepDecoder: Debug + Send + Sync {
+/// The way from the files of a foreign layout to sweeps, and to images that are part of other files.
+pub(crate) trait Decode: Debug + Send + Sync {
     /// The returns of the file `path` in the frame of `record.world_from_lidar`, and their times where it has them.
     ///
     /// # Errors
     /// A file that is not what the layout asks for.
     fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep>;
+
+    /// Whether `file`, relative to the root, is part of another file, which has been looked through.
+    fn holds(&self, _file: &Path) -> bool {
+        false
+    }
+
+    /// The bytes of an image that is part of another file; `None` where it is a file of its own.
+    ///
+    /// # Errors
+    /// A file that is damaged.
+    fn image(&self, _file: &Path) -> Result<Option<Vec<u8>>> {
+        Ok(None)
+    }
 }
 
 /// Which files of a clip somebody needs; the default is all of them.
@@ -58,7 +71,8 @@ impl Needed {
 }
 
 /// A clip directory, or a folder of a foreign layout that is read as one (see [`crate::importers`]), whose description
-/// was checked and whose files were there, images and native sweeps of the right size, when it was opened.
+/// was checked and whose files were there, images and native sweeps of the right size, when it was opened. What is part of another file is
+/// looked at when it is loaded.
 #[derive(Clone, Debug)]
 pub struct ClipDir {
     root: PathBuf,
@@ -66,7 +80,7 @@ pub struct ClipDir {
     described_in: PathBuf,
     clip: Clip,
     /// `None`: the sweeps are native.
-    decoder: Option<Arc<dyn SweepDecoder>>,
+    decoder: Option<Arc<dyn Decode>>,
 }
 
 impl ClipDir {
@@ -93,7 +107,7 @@ impl ClipDir {
     ///
     /// # Errors
     /// A clip that `clip.json` could not say; of what is needed, a file that is missing, an image of another size than declared.
-    pub(crate) fn foreign(root: &Path, clip: &Clip, decoder: Arc<dyn SweepDecoder>, needed: &Needed) -> Result<Self> {
+    pub(crate) fn foreign(root: &Path, clip: &Clip, decoder: Arc<dyn Decode>, needed: &Needed) -> Result<Self> {
         let clip = clip_json::checked(root, clip)?;
         Self { root: root.to_owned(), described_in: root.to_owned(), clip, decoder: Some(decoder) }.checked(needed)
     }
@@ -101,9 +115,11 @@ impl ClipDir {
     fn checked(self, needed: &Needed) -> Result<Self> {
         for (f, frame) in self.clip.frames.iter().enumerate().filter(|(f, _)| needed.frame(*f)) {
             let at = format!("frames[{f}]");
-            let path = self.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
-            if self.decoder.is_none() {
-                self.check_returns(&at, sweep::count_returns(&path)?, &frame.lidar.returns)?;
+            if !self.holds(&frame.lidar.file) {
+                let path = self.existing(&format!("{at}.lidar.file"), &frame.lidar.file)?;
+                if self.decoder.is_none() {
+                    self.check_returns(&at, sweep::count_returns(&path)?, &frame.lidar.returns)?;
+                }
             }
             let cameras = frame.cameras.iter().enumerate();
             for (c, record) in cameras.filter(|(_, record)| needed.camera(&record.camera.name)) {
@@ -191,7 +207,22 @@ impl ClipDir {
     /// # Errors
     /// A frame or camera that the clip does not have; those of [`image::load`].
     pub fn load_image(&self, frame: usize, camera: usize, size: Option<ImageSize>) -> Result<LoadedImage> {
-        image::load(&self.root, self.record(frame, camera)?, size)
+        let record = self.record(frame, camera)?;
+        image::load(&self.root, record, &self.image_file(record)?, size)
+    }
+
+    /// The bytes of the image file of a record.
+    ///
+    /// # Errors
+    /// A file that is missing or cannot be read.
+    pub(crate) fn image_file(&self, record: &CameraRecord) -> Result<Vec<u8>> {
+        let inside = self.decoder.as_ref().map_or(Ok(None), |decoder| decoder.image(&record.file))?;
+        inside.map_or_else(|| read_file(&self.root.join(&record.file), MAX_DATA_BYTES), Ok)
+    }
+
+    /// Whether a file is part of another one.
+    fn holds(&self, file: &Path) -> bool {
+        self.decoder.as_ref().is_some_and(|decoder| decoder.holds(file))
     }
 
     /// The depth map of the image that [`ClipDir::load_image`] gives, if the clip has one: rectified, at the same size.
@@ -226,8 +257,10 @@ impl ClipDir {
     }
 
     fn check_camera(&self, at: &str, record: &CameraRecord) -> Result<()> {
-        let path = self.existing(&format!("{at}.file"), &record.file)?;
-        image::check_size(&path, &record.camera)?;
+        if !self.holds(&record.file) {
+            let path = self.existing(&format!("{at}.file"), &record.file)?;
+            image::check_size(&path, &record.camera)?;
+        }
         if let Some(mask) = &record.mask {
             image::check_size(&self.existing(&format!("{at}.mask"), mask)?, &record.camera)?;
         }

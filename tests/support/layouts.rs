@@ -1,4 +1,5 @@
-//! The foreign folders of `tests/fixtures`: one drive as five data sets store it. What is in them: see their `make.py`.
+//! The foreign folders of `tests/fixtures`: one drive as six data sets store it, one of them in two forms. What is in them: see
+//! their `make.py` and `waymo.py`.
 
 use std::path::PathBuf;
 
@@ -7,7 +8,7 @@ use crate::places;
 /// A folder of a foreign layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Foreign {
-    /// What `lgs-clip import` calls the layout; the folder's name.
+    /// What `lgs-clip import` calls the layout.
     pub layout: &'static str,
     /// Where the drive is in `tests/fixtures`.
     pub folder: &'static str,
@@ -16,12 +17,14 @@ pub struct Foreign {
 }
 
 /// Every foreign folder.
-pub const FOREIGN: [Foreign; 5] = [
+pub const FOREIGN: [Foreign; 7] = [
     Foreign { layout: "dgp", folder: "dgp", camera: "CAMERA_01" },
     Foreign { layout: "kitti-raw", folder: "kitti", camera: "image_02" },
     Foreign { layout: "av2", folder: "av2", camera: "ring_front_center" },
     Foreign { layout: "pandaset", folder: "pandaset", camera: "front_camera" },
     Foreign { layout: "nuscenes", folder: "nuscenes", camera: "CAM_FRONT" },
+    Foreign { layout: "waymo", folder: "waymo", camera: "FRONT" },
+    Foreign { layout: "waymo", folder: "waymo_v2", camera: "FRONT" },
 ];
 
 impl Foreign {

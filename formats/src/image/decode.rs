@@ -34,15 +34,15 @@ pub(super) fn dimensions(path: &Path) -> Result<(u32, u32)> {
     reader.into_dimensions().map_err(|e| damaged(path, &e))
 }
 
-/// `[H, W, 3]` bytes of a PNG or JPEG file of the declared size; alpha is dropped, grey is spread.
-pub(super) fn rgb8(path: &Path, camera: &Camera) -> Result<Vec<u8>> {
-    let (image, _) = decode(path, camera)?;
+/// `[H, W, 3]` bytes of the PNG or JPEG file `path`, which holds `bytes`, of the declared size; alpha is dropped, grey is spread.
+pub(super) fn rgb8(path: &Path, bytes: &[u8], camera: &Camera) -> Result<Vec<u8>> {
+    let (image, _) = decode(path, bytes, camera)?;
     Ok(image.into_rgb8().into_raw())
 }
 
 /// `[H, W]` bytes of a grey PNG file of at most 8 bits and of the declared size.
 pub(super) fn grey8(path: &Path, camera: &Camera) -> Result<Vec<u8>> {
-    let (image, format) = decode(path, camera)?;
+    let (image, format) = decode(path, &read_file(path, MAX_DATA_BYTES)?, camera)?;
     match (image, format) {
         (DynamicImage::ImageLuma8(grey), ImageFormat::Png) => Ok(grey.into_raw()),
         (image, format) => {
@@ -54,7 +54,7 @@ pub(super) fn grey8(path: &Path, camera: &Camera) -> Result<Vec<u8>> {
 
 /// `[H, W]` values of a 16-bit grey PNG file of the declared size.
 pub(super) fn grey16(path: &Path, camera: &Camera) -> Result<Vec<u16>> {
-    let (image, format) = decode(path, camera)?;
+    let (image, format) = decode(path, &read_file(path, MAX_DATA_BYTES)?, camera)?;
     match (image, format) {
         (DynamicImage::ImageLuma16(grey), ImageFormat::Png) => Ok(grey.into_raw()),
         (image, format) => {
@@ -64,9 +64,8 @@ pub(super) fn grey16(path: &Path, camera: &Camera) -> Result<Vec<u16>> {
     }
 }
 
-fn decode(path: &Path, camera: &Camera) -> Result<(DynamicImage, ImageFormat)> {
-    let bytes = read_file(path, MAX_DATA_BYTES)?;
-    let (mut reader, format) = reader(path, Cursor::new(&bytes))?;
+fn decode(path: &Path, bytes: &[u8], camera: &Camera) -> Result<(DynamicImage, ImageFormat)> {
+    let (mut reader, format) = reader(path, Cursor::new(bytes))?;
     let mut limits = Limits::no_limits();
     limits.max_alloc =
         Some(camera.file_size().map(u64::from).iter().product::<u64>() * MAX_PIXEL_BYTES + DECODER_BYTES);
@@ -133,6 +132,10 @@ mod tests {
             .write_image(bytes, SIZE.0, SIZE.1, ExtendedColorType::Rgb8)
             .unwrap();
         out
+    }
+
+    fn rgb8(path: &Path, camera: &Camera) -> Result<Vec<u8>> {
+        super::rgb8(path, &std::fs::read(path).unwrap(), camera)
     }
 
     fn on<T>(bytes: &[u8], act: fn(&Path, &Camera) -> Result<T>) -> std::result::Result<T, String> {

@@ -127,12 +127,12 @@ pub(crate) fn dimensions(path: &Path) -> Result<[u32; 2]> {
     decode::dimensions(path).map(|(width, height)| [width, height])
 }
 
-/// Nothing, when the image of a record can be decoded whole.
+/// Nothing, when the image of a record, whose file holds `bytes`, can be decoded whole.
 ///
 /// # Errors
-/// An image that is missing, damaged or of another size than declared.
-pub(crate) fn check_whole(root: &Path, record: &CameraRecord) -> Result<()> {
-    decode::rgb8(&root.join(&record.file), &record.camera).map(drop)
+/// An image that is damaged or of another size than declared.
+pub(crate) fn check_whole(root: &Path, record: &CameraRecord, bytes: &[u8]) -> Result<()> {
+    decode::rgb8(&root.join(&record.file), bytes, &record.camera).map(drop)
 }
 
 /// Nothing, when the file `path` is a whole mask of the size that `camera` declares.
@@ -156,16 +156,16 @@ pub fn mask_values(root: &Path, record: &CameraRecord) -> Result<Option<[usize; 
     Ok(Some(counts))
 }
 
-/// The image of a record, rectified to the pinhole of the same intrinsics, then resized to `size` if given.
+/// The image of a record, whose file holds `bytes`, rectified to the pinhole of the same intrinsics, then resized to `size` if given.
 ///
 /// Values are the encoded ones (no gamma is undone). Downward, a pixel is the mean of the area that it covers;
 /// upward, it is interpolated linearly. Its label is Ignored if any part of that area is ignored or lies outside
 /// the source image, else what holds for more than half of it.
 ///
 /// # Errors
-/// An image or mask that is missing, damaged, of another size than declared, or (mask) not an 8-bit grey PNG; a
+/// An image that is damaged or of another size than declared; a mask that is missing, too, or not an 8-bit grey PNG; a
 /// `size` outside 1 to [`MAX_IMAGE_SIDE`].
-pub fn load(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -> Result<LoadedImage> {
+pub(crate) fn load(root: &Path, record: &CameraRecord, bytes: &[u8], size: Option<ImageSize>) -> Result<LoadedImage> {
     let path = root.join(&record.file);
     let declared = &record.camera;
     let [file_width, file_height] = declared.file_size().map(to_usize);
@@ -173,7 +173,7 @@ pub fn load(root: &Path, record: &CameraRecord, size: Option<ImageSize>) -> Resu
         width: file_width,
         height: file_height,
         rectified: [to_usize(declared.width), to_usize(declared.height)],
-        rgb: &decode::rgb8(&path, declared)?,
+        rgb: &decode::rgb8(&path, bytes, declared)?,
         mask: record.mask.as_ref().map(|mask| decode::grey8(&root.join(mask), declared)).transpose()?,
         lens: lens::Lens::new(declared),
     };

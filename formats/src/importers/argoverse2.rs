@@ -25,7 +25,7 @@ use super::{
 use crate::{
     camera::{Camera, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
-    clip_dir::SweepDecoder,
+    clip_dir::Decode,
     error::{FormatError, Result},
     pose::Pose,
     sweep::Sweep,
@@ -87,6 +87,7 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "CC BY-NC-SA 4.0 (Argoverse)".to_owned(),
         frames: sweeps.iter().enumerate().map(frame).collect(),
         cameras: names,
+        lidars: Vec::new(),
         decoder: Arc::new(Decoder { origin }),
     })
 }
@@ -243,7 +244,7 @@ struct Decoder {
     origin: DVec3,
 }
 
-impl SweepDecoder for Decoder {
+impl Decode for Decoder {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "metres and intensities of a sensor, kept as f32 by the format"

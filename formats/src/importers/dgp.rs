@@ -24,7 +24,7 @@ use super::{
 use crate::{
     camera::{Camera, Distortion, Fisheye, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
-    clip_dir::SweepDecoder,
+    clip_dir::Decode,
     error::{FormatError, Result},
     pose::Pose,
     sweep::Sweep,
@@ -80,6 +80,7 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "terms of the data set (DDAD: CC BY-NC-SA 4.0)".to_owned(),
         frames,
         cameras: images.map(|datum| datum.id.name.clone()).collect(),
+        lidars: Vec::new(),
         decoder,
     })
 }
@@ -247,7 +248,7 @@ struct Decoder {
     fields: BTreeMap<PathBuf, Vec<String>>,
 }
 
-impl SweepDecoder for Decoder {
+impl Decode for Decoder {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "metres and intensities of a sensor, kept as f32 by the format"

@@ -28,7 +28,7 @@ use super::{
 use crate::{
     camera::{Camera, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord},
-    clip_dir::SweepDecoder,
+    clip_dir::Decode,
     error::{FormatError, Result},
     sweep::{Sweep, read_sweep},
 };
@@ -128,6 +128,7 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "CC BY-NC-SA 3.0 (KITTI)".to_owned(),
         frames,
         cameras: names,
+        lidars: Vec::new(),
         decoder: Arc::new(Decoder { turns, motion }),
     })
 }
@@ -213,7 +214,7 @@ struct Decoder {
     motion: Motion,
 }
 
-impl SweepDecoder for Decoder {
+impl Decode for Decoder {
     fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep> {
         let sweep = read_sweep(path)?;
         match self.turns.get(&record.file) {

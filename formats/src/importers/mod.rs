@@ -1,4 +1,4 @@
-//! Foreign layouts: folders as the owners of public data sets write them, read as clips.
+//! Foreign layouts: folders and files as the owners of public data sets write them, read as clips.
 //!
 //! Each importer turns a layout into a [`Clip`] whose files lie where they are, with a decoder for its sweeps; [`open`]
 //! makes a [`ClipDir`] of it, and [`write()`] a clip directory. Intrinsics come out with pixel centres at +0.5, poses in
@@ -15,10 +15,12 @@ mod npz;
 mod nuscenes;
 mod open;
 mod pandaset;
+mod parquet;
 mod pickle;
 mod table;
 mod trajectory;
 mod values;
+mod waymo;
 mod write;
 
 use std::{
@@ -27,7 +29,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::{clip::Frame, clip_dir::SweepDecoder, error::Result};
+use crate::{clip::Frame, clip_dir::Decode, error::Result};
 
 pub use additions::{Additions, DepthFolder};
 pub use open::{open, open_as, open_part};
@@ -46,13 +48,16 @@ pub enum Layout {
     PandaSet,
     /// A `nuScenes` release.
     NuScenes,
+    /// A drive of the Waymo Open Dataset, of either form.
+    Waymo,
 }
 
 impl Layout {
     /// Every layout.
-    pub const ALL: [Self; 5] = [Self::Dgp, Self::KittiRaw, Self::Argoverse2, Self::PandaSet, Self::NuScenes];
+    pub const ALL: [Self; 6] =
+        [Self::Dgp, Self::KittiRaw, Self::Argoverse2, Self::PandaSet, Self::NuScenes, Self::Waymo];
 
-    /// Whether a folder looks like this layout.
+    /// Whether a folder, or a file, looks like this layout.
     pub fn is_of(self, folder: &Path) -> bool {
         match self {
             Self::Dgp => dgp::is_of(folder),
@@ -60,6 +65,7 @@ impl Layout {
             Self::Argoverse2 => argoverse2::is_of(folder),
             Self::PandaSet => pandaset::is_of(folder),
             Self::NuScenes => nuscenes::is_of(folder),
+            Self::Waymo => waymo::is_of(folder),
         }
     }
 
@@ -71,6 +77,7 @@ impl Layout {
             Self::Argoverse2 => argoverse2::resembles(folder),
             Self::PandaSet => pandaset::resembles(folder),
             Self::NuScenes => nuscenes::resembles(folder),
+            Self::Waymo => waymo::resembles(folder),
         }
     }
 
@@ -81,6 +88,7 @@ impl Layout {
             Self::Argoverse2 => argoverse2::read(folder, selection),
             Self::PandaSet => pandaset::read(folder, selection),
             Self::NuScenes => nuscenes::read(folder, selection),
+            Self::Waymo => waymo::read(folder, selection),
         }
     }
 }
@@ -93,6 +101,7 @@ impl fmt::Display for Layout {
             Self::Argoverse2 => "av2",
             Self::PandaSet => "pandaset",
             Self::NuScenes => "nuscenes",
+            Self::Waymo => "waymo",
         })
     }
 }
@@ -106,12 +115,24 @@ pub struct Selection {
     pub frames: Option<Vec<usize>>,
     /// Names of cameras.
     pub cameras: Option<Vec<String>>,
+    /// Names of `LiDARs`, where a folder has several.
+    pub lidars: Option<Vec<String>>,
 }
 
 impl Selection {
     /// Whether a camera is wanted: of others an importer looks at nothing but their names.
     fn camera(&self, name: &str) -> bool {
         self.cameras.as_ref().is_none_or(|cameras| cameras.iter().any(|camera| camera == name))
+    }
+
+    /// Whether a `LiDAR` is wanted.
+    fn lidar(&self, name: &str) -> bool {
+        self.lidars.as_ref().is_none_or(|lidars| lidars.iter().any(|lidar| lidar == name))
+    }
+
+    /// Whether a frame is wanted. An importer may take another one for an error without reading it.
+    fn frame(&self, index: usize) -> bool {
+        self.frames.as_ref().is_none_or(|frames| frames.contains(&index))
     }
 }
 
@@ -127,7 +148,9 @@ struct Source {
     frames: Vec<Result<Frame>>,
     /// Every camera that has images, wanted or not.
     cameras: Vec<String>,
-    decoder: Arc<dyn SweepDecoder>,
+    /// Every `LiDAR` that can be wanted by its name; none where there is one.
+    lidars: Vec<String>,
+    decoder: Arc<dyn Decode>,
 }
 
 /// The name of the clip of a folder: that of the folder itself.

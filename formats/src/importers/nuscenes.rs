@@ -29,7 +29,7 @@ use super::{
 use crate::{
     camera::{Camera, Intrinsics},
     clip::{CameraRecord, Frame, LidarRecord},
-    clip_dir::SweepDecoder,
+    clip_dir::Decode,
     error::{FormatError, Result},
     pose::Pose,
     read::{MAX_DATA_BYTES, read_file},
@@ -95,6 +95,7 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "CC BY-NC-SA 4.0 and the nuScenes terms of use".to_owned(),
         frames: (0..sweeps.len()).filter(|&sweep| has_images(sweep) || !any_images).map(frame).collect(),
         cameras: images.keys().map(|&channel| channel.to_owned()).collect(),
+        lidars: Vec::new(),
         decoder: Arc::new(Decoder),
     })
 }
@@ -207,7 +208,7 @@ impl<'a> Reader<'a> {
 #[derive(Debug)]
 struct Decoder;
 
-impl SweepDecoder for Decoder {
+impl Decode for Decoder {
     fn decode(&self, path: &Path, _record: &LidarRecord) -> Result<Sweep> {
         let bytes = read_file(path, MAX_DATA_BYTES)?;
         let (values, rest) = bytes.as_chunks::<4>();

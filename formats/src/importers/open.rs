@@ -22,22 +22,32 @@ pub fn open(path: &Path) -> Result<ClipDir> {
 /// # Errors
 /// Those of [`open`] for what is needed.
 pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
-    if path.is_file() {
-        return Err(FormatError::invalid(path, "layout", "a folder", "a file"));
+    let is_file = path.is_file();
+    if is_file && !Layout::Waymo.is_of(path) && !Layout::Waymo.resembles(path) {
+        return Err(FormatError::invalid(
+            path,
+            "layout",
+            "a folder, or a file of Waymo's records",
+            "a file of something else",
+        ));
     }
-    if !path.is_dir() || path.join(CLIP_FILE).exists() {
+    if !(path.is_dir() || is_file) || path.join(CLIP_FILE).exists() {
         return ClipDir::open_part(path, needed);
     }
     let all = || Layout::ALL.into_iter();
-    let Some(layout) = all().find(|layout| layout.is_of(path)).or_else(|| all().find(|layout| layout.resembles(path)))
-    else {
+    let found = match is_file {
+        true => Some(Layout::Waymo),
+        false => all().find(|layout| layout.is_of(path)).or_else(|| all().find(|layout| layout.resembles(path))),
+    };
+    let Some(layout) = found else {
         let names = Layout::ALL.map(|layout| layout.to_string()).join(", ");
         let expected = format!("`{CLIP_FILE}` or the files of one of {names}");
         let found = entries(path, &[""])?.into_iter().take(5).collect::<Vec<_>>().join(", ");
         let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
         return Err(FormatError::invalid(path, "layout", expected, found));
     };
-    let selection = Selection { cameras: needed.cameras.clone(), ..Selection::default() };
+    let selection =
+        Selection { cameras: needed.cameras.clone(), frames: needed.frames.clone(), ..Selection::default() };
     let source = read(layout, path, &selection)?;
     let standing = stand_ins(&source.frames, needed);
     clip_of(path, source, |frames| {
@@ -51,7 +61,7 @@ pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
 /// # Errors
 /// A file that is missing, damaged or of another form than the layout's; frames, cameras or a scene that it does not have.
 pub fn open_as(layout: Layout, path: &Path, selection: &Selection) -> Result<ClipDir> {
-    if let Some(scene) = selection.scene.as_ref().filter(|_| layout != Layout::NuScenes) {
+    if let Some(scene) = selection.scene.as_ref().filter(|_| ![Layout::NuScenes, Layout::Waymo].contains(&layout)) {
         let expected = format!("none: a folder of {layout} holds one scene");
         return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
     }
@@ -80,6 +90,14 @@ fn read(layout: Layout, path: &Path, selection: &Selection) -> Result<Source> {
     if let Some(unknown) = selection.cameras.iter().flatten().find(unknown) {
         let expected = format!("one of {}", source.cameras.join(", "));
         return Err(FormatError::invalid(path, "--cameras", expected, format!("`{unknown}`")));
+    }
+    let unknown = |name: &&String| !source.lidars.contains(name);
+    if let Some(unknown) = selection.lidars.iter().flatten().find(unknown) {
+        let expected = match source.lidars.as_slice() {
+            [] => format!("none: a folder of {layout} has one LiDAR, or returns that tell of none"),
+            names => format!("one of {}", names.join(", ")),
+        };
+        return Err(FormatError::invalid(path, "--lidars", expected, format!("`{unknown}`")));
     }
     // Annotations without a single box say nothing: a test split has such tables.
     if source.frames.iter().flatten().all(|frame| frame.boxes.as_ref().is_none_or(Vec::is_empty)) {

@@ -1,8 +1,7 @@
 //! `PandaSet` sequences: `lidar/` and `annotations/cuboids/` of pickled frames of pandas, `camera/` of JPEG images.
 //!
-//! Points lie in the world, and two `LiDARs` measured them: those of the turning Pandar64 (`d = 0`) are taken, as they share
-//! one origin and one turn; those of the forward-looking `PandarGT` have others. An object seen by both has two boxes, of
-//! which the Pandar64's is kept. `t` is the moment of each point, for whose motion of the car its place already accounts.
+//! Points lie in the world, and two `LiDARs` measured them: the turning Pandar64 (`d = 0`) and the forward-looking `PandarGT` (`d = 1`). An object seen by both has two boxes, of which the Pandar64's is kept. `t` is the moment of each
+//! point, for whose motion of the car its place already accounts.
 //!
 //! # Source
 //! scaleapi/pandaset-devkit: `python/pandaset`, whose `geometry.projection` knows no lens. Images are rectified already: what two images of
@@ -12,12 +11,15 @@
 //! (2024), and so 11 images at 540x960 are reconstructed best, by 0.4 dB; with other readouts of 0 to 50 ms and other moments by less.
 //! Calibration follows `OpenCV`, which counts from the centre of the first pixel: half a pixel is added.
 
+mod lidars;
+
 use std::{
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use glam::DVec3;
+use lidars::{PANDAR_GT, PANDAR64};
 use serde::Deserialize;
 
 use super::{
@@ -27,8 +29,8 @@ use super::{
 };
 use crate::{
     camera::{Camera, Intrinsics, Readout, ReadoutDirection},
-    clip::{CameraRecord, Frame, LidarRecord, TrackedBox},
-    clip_dir::SweepDecoder,
+    clip::{CameraRecord, Frame, LidarRecord, SensorsRecord, TrackedBox},
+    clip_dir::Decode,
     error::{FormatError, Result},
     pose::Pose,
     sweep::Sweep,
@@ -38,10 +40,6 @@ const FRAME_ENDINGS: [&str; 2] = [".pkl.gz", ".pkl"];
 const CUBOIDS: &str = "annotations/cuboids";
 /// Shutter of all cameras.
 const SHUTTER: Readout = Readout { seconds: 0.04, direction: ReadoutDirection::TopToBottom, middle: -0.01 };
-/// `d` of points and `cuboids.sensor_id` of boxes of the turning LiDAR.
-const PANDAR64: i64 = 0;
-/// `cuboids.sensor_id` of boxes of the forward-looking LiDAR.
-const PANDAR_GT: i64 = 1;
 
 /// Whether a folder is a sequence.
 pub(super) fn is_of(folder: &Path) -> bool {
@@ -69,10 +67,14 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         }
         names.push(name);
     }
+    let taken = lidars::wanted(selection);
+    let lidar_from_sensor = lidars::mounts(&taken);
     let boxes = numbered(&folder.join(CUBOIDS), &FRAME_ENDINGS).unwrap_or_default();
     let frame = |(index, file): (usize, &Numbered)| {
         let file_of_sweep = Path::new("lidar").join(&file.name);
-        let lidar = LidarRecord::new(file_of_sweep, sweeps.times[index], sweeps.pose(index)?);
+        let mut lidar = LidarRecord::new(file_of_sweep.clone(), sweeps.times[index], sweeps.pose(index)?);
+        lidar.returns.sensors =
+            Some(SensorsRecord { file: file_of_sweep, lidar_from_sensor: lidar_from_sensor.clone() });
         let cameras = cameras.iter().filter_map(|images| images.record(file.number).transpose());
         let place = boxes.binary_search_by_key(&file.number, |b| b.number).ok();
         let boxes = place.map(|place| cuboids(&folder.join(CUBOIDS).join(&boxes[place].name)));
@@ -85,7 +87,8 @@ pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
         licence: "PandaSet terms of use".to_owned(),
         frames: sweeps.files.iter().enumerate().map(frame).collect(),
         cameras: names,
-        decoder: Arc::new(Decoder),
+        lidars: lidars::names(),
+        decoder: Arc::new(Decoder { taken }),
     })
 }
 
@@ -226,9 +229,12 @@ fn cuboids(file: &Path) -> Result<Vec<TrackedBox>> {
 
 /// Sweeps in frames of pandas, in the world.
 #[derive(Debug)]
-struct Decoder;
+struct Decoder {
+    /// `d` of the `LiDARs` that are taken; a return's index is the place in this list.
+    taken: Vec<i64>,
+}
 
-impl SweepDecoder for Decoder {
+impl Decode for Decoder {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "metres and intensities of a sensor, kept as f32 by the format"
@@ -236,14 +242,17 @@ impl SweepDecoder for Decoder {
     fn decode(&self, path: &Path, record: &LidarRecord) -> Result<Sweep> {
         let table = read_frame(path)?;
         let lidar_from_world = record.world_from_lidar.inverse();
-        let sensors = if table.has("d") { Some(table.ints("d")?) } else { None };
-        let is_kept = |row: usize| sensors.is_none_or(|d| d[row] == PANDAR64);
-        let kept = table.rows(["x", "y", "z", "i"])?.into_iter().enumerate().filter(|(row, _)| is_kept(*row));
+        let rows = table.rows(["x", "y", "z", "i"])?;
+        let own = if table.has("d") { table.ints("d")?.to_vec() } else { vec![PANDAR64; rows.len()] };
+        let sensor = |row: usize| (0_u8..).zip(&self.taken).find(|(_, d)| **d == own[row]).map(|(index, _)| index);
+        let is_kept = |row: usize| sensor(row).is_some();
+        let kept = rows.into_iter().enumerate().filter(|(row, _)| is_kept(*row));
         let place = |(_, [x, y, z, intensity]): (usize, [f64; 4])| {
             let p = lidar_from_world.transform_point(DVec3::new(x, y, z));
             [p.x, p.y, p.z, intensity].map(|value| value as f32)
         };
-        let sweep = Sweep::of_rows(path, kept.map(place))?;
+        let sensors = (0..own.len()).filter_map(sensor).collect();
+        let sweep = Sweep { sensors: Some(sensors), ..Sweep::of_rows(path, kept.map(place))? };
         if !table.has("t") {
             return Ok(sweep);
         }

@@ -108,7 +108,7 @@ pub(super) fn entries(folder: &Path, endings: &[&str]) -> Result<Vec<String>> {
 }
 
 /// The name without its ending, when it has that one, in small or capital letters.
-fn stem<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
+pub(super) fn stem<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
     let (stem, found) = name.split_at_checked(name.len().checked_sub(ending.len())?)?;
     found.eq_ignore_ascii_case(ending).then_some(stem)
 }

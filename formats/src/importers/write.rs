@@ -82,8 +82,9 @@ fn fill(source: &ClipDir, place: &Path, additions: &Additions) -> Result<()> {
         frame.lidar.file = PathBuf::from(format!("lidar/{f:04}.bin"));
         frame.lidar.returns = write_returns(place, f, &source.load_sweep(f)?, &frame.lidar)?;
         for record in &mut frame.cameras {
-            image::check_whole(source.root(), record)?;
-            *record = copied(source.root(), place, f, record)?;
+            let bytes = source.image_file(record)?;
+            image::check_whole(source.root(), record, &bytes)?;
+            *record = copied(source.root(), place, f, record, &bytes)?;
         }
     }
     additions.apply(place, &mut clip)?;
@@ -108,15 +109,16 @@ fn write_returns(place: &Path, frame: usize, sweep: &Sweep, record: &LidarRecord
     Ok(returns)
 }
 
-/// The record of the copy of an image, its mask and its depth map.
-fn copied(root: &Path, place: &Path, frame: usize, record: &CameraRecord) -> Result<CameraRecord> {
+/// The record of the copy of an image, whose file holds `bytes`, of its mask and its depth map.
+fn copied(root: &Path, place: &Path, frame: usize, record: &CameraRecord, bytes: &[u8]) -> Result<CameraRecord> {
     let ending = record.file.extension().and_then(OsStr::to_str).unwrap_or("image");
     let name = &record.camera.name;
     let copy = |from: &Path, to: &str| -> Result<PathBuf> {
         write_atomic(&place.join(to), &read_file(&root.join(from), MAX_DATA_BYTES)?)?;
         Ok(PathBuf::from(to))
     };
-    let file = copy(&record.file, &format!("images/{frame:04}_{name}.{ending}"))?;
+    let file = PathBuf::from(format!("images/{frame:04}_{name}.{ending}"));
+    write_atomic(&place.join(&file), bytes)?;
     let mask = match &record.mask {
         Some(mask) => Some(copy(mask, &format!("images/{frame:04}_{name}_mask.png"))?),
         None => None,

@@ -40,6 +40,8 @@ pub(super) const CASES: &[Extreme] = &[
     reader!("nuscenes", "changed files of a nuScenes release", TARGETS[7]),
     reader!("depth", "changed depth maps, PNG and npy, metric and relative", TARGETS[8]),
     reader!("path", "changed camera paths", TARGETS[9]),
+    reader!("waymo", "changed files of records of a Waymo drive", TARGETS[10]),
+    reader!("waymo_v2", "changed components of a Waymo drive", TARGETS[11]),
 ];
 
 fn attack(target: &Target) -> Outcome {

@@ -8,6 +8,7 @@ mod partial;
 mod real;
 mod small;
 mod unusual;
+mod waymo;
 mod wrong;
 
 use libtest_mimic::Trial;
@@ -22,6 +23,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         partial::cases(),
         small::cases(),
         unusual::cases(),
+        waymo::cases(),
         wrong::cases(),
     ]
     .into_iter()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lgs_formats::clip::Clip;
 use lgs_formats::clip_dir::ClipDir;
-use lgs_formats::importers;
+use lgs_formats::importers::{self, Layout, Selection};
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::layouts::foreign;
 use lgs_tests::process::{Finished, binary, run};
@@ -91,7 +91,9 @@ fn push(list: &mut Value, item: Value) {
 }
 
 fn four_frames(part: &Path, whole: &Path) -> Outcome {
-    let (got_dir, want_dir) = (importers::open(part)?, ClipDir::open(whole)?);
+    let lidars = Some(vec!["main_pandar64".to_owned()]);
+    let selection = Selection { lidars, ..Selection::default() };
+    let (got_dir, want_dir) = (importers::open_as(Layout::PandaSet, part, &selection)?, ClipDir::open(whole)?);
     let (got, want) = (got_dir.clip(), want_dir.clip());
     if got.frames.len() != 4 || got.frames.iter().any(|frame| frame.cameras.len() != 2 || frame.boxes.is_none()) {
         return Err(format!("{} frames, want 4 with two images each", got.frames.len()).into());

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use lgs_engine::points::aggregate;
 use lgs_engine::views::ClipFrame;
 use lgs_formats::clip_dir::ClipDir;
-use lgs_formats::importers;
+use lgs_formats::importers::{self, Layout, Selection};
 use lgs_formats::sweep::read_sweep;
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::layouts::foreign;
@@ -36,14 +36,18 @@ pub(crate) fn cases() -> Vec<Trial> {
 
 /// The clip of a folder, written and opened.
 fn imported(folder: &Path, place: &Path) -> Result<ClipDir, Failed> {
+    written(&importers::open(folder)?, place)
+}
+
+fn written(source: &ClipDir, place: &Path) -> Result<ClipDir, Failed> {
     let out = place.join("clip");
-    importers::write(&importers::open(folder)?, &out)?;
+    importers::write(source, &out)?;
     Ok(ClipDir::open(&out)?)
 }
 
 fn layouts_keep_times() -> Outcome {
-    for (layout, has) in [("pandaset", true), ("av2", true), ("dgp", false), ("nuscenes", false), ("kitti-raw", false)]
-    {
+    let layouts = [("pandaset", true), ("av2", true), ("waymo", true)];
+    for (layout, has) in layouts.into_iter().chain(["dgp", "nuscenes", "kitti-raw"].map(|layout| (layout, false))) {
         let (place, folder) = (tempfile::tempdir()?, foreign(layout)?.path());
         let dir = imported(&folder, place.path())?;
         for (frame, record) in dir.clip().frames.iter().enumerate() {
@@ -123,7 +127,9 @@ fn kitti_fixture() -> Outcome {
 
 fn pandaset(folder: &Path) -> Outcome {
     let place = tempfile::tempdir()?;
-    let dir = imported(folder, place.path())?;
+    let lidars = Some(vec!["main_pandar64".to_owned()]);
+    let selection = Selection { lidars, ..Selection::default() };
+    let dir = written(&importers::open_as(Layout::PandaSet, folder, &selection)?, place.path())?;
     let clip = dir.clip();
     for (f, frame) in clip.frames.iter().enumerate() {
         let sweep = dir.load_sweep(f)?;
@@ -151,7 +157,12 @@ fn pandaset(folder: &Path) -> Outcome {
     // Rays start along the car's way, not at one place a sweep.
     let cloud = aggregate(&dir, &[0, 1], &ClipFrame::of(clip, 0))?;
     let ahead = cloud.origins.iter().zip(&cloud.frames).filter(|(_, frame)| **frame == 0).map(|(origin, _)| *origin);
-    let spread = ahead.fold(0.0_f32, |most, [x, y, z]| most.max((x * x + y * y + z * z).sqrt()));
+    let ahead: Vec<[f32; 3]> = ahead.collect();
+    let from_first = |[x, y, z]: [f32; 3]| {
+        let [a, b, c] = ahead[0];
+        ((x - a).powi(2) + (y - b).powi(2) + (z - c).powi(2)).sqrt()
+    };
+    let spread = ahead.iter().fold(0.0_f32, |most, origin| most.max(from_first(*origin)));
     if spread > 0.2 { Ok(()) } else { Err(format!("rays start within {spread} m").into()) }
 }
 

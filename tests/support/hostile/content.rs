@@ -252,7 +252,12 @@ fn fixture(repository: &Path, layout: Layout) -> Result<std::path::PathBuf, Stri
         Layout::Argoverse2 => "av2",
         Layout::PandaSet => "pandaset",
         Layout::NuScenes => "nuscenes",
+        Layout::Waymo => "waymo",
     };
+    in_fixtures(repository, name)
+}
+
+fn in_fixtures(repository: &Path, name: &str) -> Result<std::path::PathBuf, String> {
     let path = repository.join("tests/fixtures").join(name);
     if path.is_dir() { Ok(path) } else { Err(format!("{}: missing", path.display())) }
 }
@@ -278,3 +283,8 @@ foreign!(fill_av2, read_av2, Layout::Argoverse2);
 foreign!(fill_pandaset, read_pandaset, Layout::PandaSet);
 foreign!(fill_nuscenes, read_nuscenes, Layout::NuScenes);
 foreign!(fill_kitti, read_kitti, Layout::KittiRaw);
+foreign!(fill_waymo, read_waymo, Layout::Waymo);
+
+pub(super) fn fill_waymo_v2(repository: &Path, to: &Path) -> Said {
+    copy(&in_fixtures(repository, "waymo_v2")?, to)
+}

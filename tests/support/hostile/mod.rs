@@ -5,6 +5,7 @@
 
 mod content;
 mod mutate;
+mod record;
 
 use std::fs;
 use std::io::{self, Write};
@@ -27,7 +28,7 @@ pub struct Target {
 }
 
 /// The targets of files that hold data.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 12] = [
     Target { name: "clip", fill: content::fill_clip, read: content::read_clip },
     Target { name: "ply", fill: content::fill_ply, read: content::read_scene },
     Target { name: "targets", fill: content::fill_targets, read: content::read_targets },
@@ -38,6 +39,8 @@ pub const TARGETS: [Target; 10] = [
     Target { name: "nuscenes", fill: content::fill_nuscenes, read: content::read_nuscenes },
     Target { name: "depth", fill: content::fill_depth, read: content::read_depth },
     Target { name: "path", fill: content::fill_path, read: content::read_path },
+    Target { name: "waymo", fill: content::fill_waymo, read: content::read_waymo },
+    Target { name: "waymo-v2", fill: content::fill_waymo_v2, read: content::read_waymo },
 ];
 
 /// A target's folder in a temporary place, good but for the file that an input stands for.
@@ -125,7 +128,7 @@ fn packed(path: &Path, content: &[u8]) -> Option<Vec<u8>> {
         archive.write_all(content).ok()?;
         return Some(archive.finish().ok()?.into_inner());
     }
-    None
+    has_end(path, "tfrecord").then(|| record::packed(content))
 }
 
 /// What a packed file holds.
@@ -140,5 +143,5 @@ fn unpacked(path: &Path, content: &[u8]) -> Option<Vec<u8>> {
         io::Read::read_to_end(&mut archive.by_name("data.npy").ok()?, &mut inner).ok()?;
         return Some(inner);
     }
-    None
+    if has_end(path, "tfrecord") { record::unpacked(content) } else { None }
 }

@@ -15,7 +15,7 @@ pub(crate) struct Args {
 
 #[derive(Clone, Debug, PartialEq, Subcommand)]
 pub(crate) enum Command {
-    /// Copy a folder of a public data set's layout into a new clip directory
+    /// Copy a folder, or a file, of a public data set's layout into a new clip directory
     Import(Import),
     /// Say what is in a clip directory or a folder of a known layout; exit code 1 when something looks wrong
     Inspect(Inspect),
@@ -29,7 +29,7 @@ pub(crate) struct Import {
     #[arg(value_enum)]
     pub(crate) layout: LayoutArg,
 
-    /// Folder of one scene, drive, log or sequence; of a nuScenes release
+    /// Folder of one scene, drive, log or sequence; of a nuScenes release; of Waymo drives, or a file of records of one
     #[arg(value_name = "SRC")]
     pub(crate) source: PathBuf,
 
@@ -45,7 +45,11 @@ pub(crate) struct Import {
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) cameras: Option<Vec<String>>,
 
-    /// Name of the scene, where the folder holds several (nuScenes); `VERSION/NAME` takes it from the tables of that version [default:
+    /// Which LiDAR to take, names separated by commas, where there are several (`pandaset`, `waymo`) [default: all]
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    pub(crate) lidars: Option<Vec<String>>,
+
+    /// Name of the scene, where the folder holds several (nuScenes, Waymo); `VERSION/NAME` takes it from the tables of that version [default:
     /// the only one]
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
@@ -85,7 +89,7 @@ impl DepthArg {
 
 #[derive(Clone, Debug, PartialEq, clap::Args)]
 pub(crate) struct Inspect {
-    /// Clip directory, or a folder of a layout that `import` knows
+    /// Clip directory, or a folder or file of a layout that `import` knows
     #[arg(value_name = "DIR")]
     pub(crate) directory: PathBuf,
 
@@ -117,6 +121,7 @@ pub(crate) enum LayoutArg {
     Av2,
     Pandaset,
     Nuscenes,
+    Waymo,
 }
 
 impl LayoutArg {
@@ -128,6 +133,7 @@ impl LayoutArg {
             Self::Av2 => Layout::Argoverse2,
             Self::Pandaset => Layout::PandaSet,
             Self::Nuscenes => Layout::NuScenes,
+            Self::Waymo => Layout::Waymo,
         }
     }
 }
@@ -152,11 +158,13 @@ mod tests {
 
     #[test]
     fn flags_are_read() {
-        let Ok(Command::Import(import)) = parse("import av2 log --out clip --frames 3,5..7 --cameras a,b") else {
+        let Ok(Command::Import(import)) = parse("import av2 log --out clip --frames 3,5..7 --cameras a,b --lidars c")
+        else {
             panic!("no import");
         };
         assert_eq!((import.layout, import.frames), (LayoutArg::Av2, Some(FrameList(vec![3, 5, 6, 7]))));
         assert_eq!((import.cameras, import.scene), (Some(vec!["a".to_owned(), "b".to_owned()]), None));
+        assert_eq!(import.lidars, Some(vec!["c".to_owned()]));
         assert!(matches!(parse("inspect d --json"), Ok(Command::Inspect(Inspect { json: true, .. }))));
         assert!(matches!(parse("view a.ply"), Ok(Command::View(View { out: None, .. }))));
     }
@@ -165,7 +173,6 @@ mod tests {
     fn what_makes_no_sense_is_refused() {
         for line in [
             "import",
-            "import waymo x --out y",
             "import dgp x",
             "import dgp x --out y --depth d",
             "import dgp x --out y --depth-kind metric",

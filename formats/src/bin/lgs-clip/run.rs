@@ -31,6 +31,7 @@ fn import(args: &Import) -> Result<Outcome> {
         scene: args.scene.clone(),
         frames: args.frames.as_ref().map(|list| list.0.clone()),
         cameras: args.cameras.clone(),
+        lidars: args.lidars.clone(),
     };
     let source = importers::open_as(args.layout.layout(), &args.source, &selection)?;
     let depth = args.depth.as_ref().zip(args.depth_kind);
