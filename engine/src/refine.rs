@@ -10,14 +10,13 @@ use std::{borrow::Cow, time::Instant};
 use crate::error::Result;
 use crate::gaussians::{GaussianSet, MEAN, RawGradient};
 use crate::loss::LossWeights;
-use crate::network::buffers::Buffers;
 use crate::network::config::{Guidance, ModelConfig, StepLength};
 use crate::network::guide::{Guide, refine_inputs, refine_rows};
 use crate::network::levels::{Levels, voxels_of};
-use crate::network::model::FoldedModel;
-use crate::network::normalise::add_residuals;
-use crate::network::pass::{FoldedPass, gather, with_own};
+use crate::network::model::Model;
 use crate::objective::{Objective, Wanted, objective_with};
+use crate::ops::tensors::of_rows;
+use crate::predict::add_outputs;
 use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
@@ -66,7 +65,7 @@ impl Pyramid {
 pub fn refine(
     set: &mut GaussianSet,
     views: &[&View],
-    model: &FoldedModel,
+    model: &Model,
     settings: impl Into<RefineSettings>,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
@@ -80,13 +79,13 @@ pub fn refine(
 pub fn refine_and_measure(
     set: &mut GaussianSet,
     views: &[&View],
-    model: &FoldedModel,
+    model: &Model,
     settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
 ) -> Result<Refined> {
     let RefineSettings { steps, turns, reduce, until, line_search, optimised_after } = settings.into();
     let mut summary = RefineSummary::default();
-    let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
+    let mut pyramids = [Pyramid::default(), Pyramid::default()];
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(Refined::default());
     }
@@ -116,7 +115,7 @@ pub fn refine_and_measure(
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
         let start = Instant::now();
         for (branch, pyramid) in pyramids.iter_mut().enumerate() {
-            summary.non_finite_outputs += step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
+            summary.non_finite_outputs += step(set, &current, model, (branch == 0, pyramid))?;
         }
         summary.seconds.network += start.elapsed().as_secs_f64();
         if *set == before {
@@ -193,9 +192,8 @@ pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
 fn step(
     set: &mut GaussianSet,
     objective: &Objective,
-    model: &FoldedModel,
+    model: &Model,
     (moving, pyramid): (bool, &mut Pyramid),
-    buffers: &mut Buffers,
 ) -> Result<usize> {
     let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
     let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
@@ -203,7 +201,7 @@ fn step(
         return Ok(0);
     }
     let config = &model.config;
-    let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
+    let (pass, cin, voxel_size, unet) = if moving {
         (&model.refine, refine_inputs(config.guidance, true), config.voxel_size, &config.unet)
     } else {
         let inputs = refine_inputs(config.guidance, false);
@@ -211,15 +209,10 @@ fn step(
     };
     let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
     let rows = refine_rows(set, guide(objective, config.guidance), &seen, moving);
-    let by_site = pass.site_features(&rows.inputs, cin, levels, buffers);
-    let mut features = gather(&by_site, levels, buffers);
-    let heads = pass.heads();
-    if !heads.read_own() {
-        with_own(&mut features, &rows.own, seen.len());
-    }
-    let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
-    let left_out = add_residuals(set, &seen, &outputs, heads.num_outputs());
-    [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
+    let gradients = rows.point_inputs.len() / seen.len();
+    let (inputs, point_inputs) = (of_rows(rows.inputs, cin)?, of_rows(rows.point_inputs, gradients)?);
+    let features = pass.gated_features(&inputs, &point_inputs, levels, false)?;
+    let left_out = add_outputs(set, &seen, &pass.heads().forward(&features, &inputs)?)?;
     Ok(left_out.not_finite.len() + left_out.carried_away.len())
 }
 

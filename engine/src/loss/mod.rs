@@ -7,7 +7,6 @@
 mod depth;
 mod l1;
 mod map;
-pub mod op;
 mod psnr;
 mod residual;
 pub mod ssim;

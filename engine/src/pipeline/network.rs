@@ -8,7 +8,7 @@ use super::{Stage, Watch};
 use crate::densify::{self, Density, DensityMap, Limit, Scores, Thresholds, UpdateCounts};
 use crate::error::{EngineError, Result};
 use crate::gaussians::GaussianSet;
-use crate::network::model::FoldedModel;
+use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
 use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
@@ -18,7 +18,7 @@ use crate::views::View;
 #[derive(Clone, Copy, Debug)]
 pub struct NetworkSettings<'a> {
     /// The network.
-    pub model: &'a FoldedModel,
+    pub model: &'a Model,
     /// The learned refinement.
     pub refine: RefineSettings,
     /// Whether primitives ask those of other timestamps.
@@ -90,10 +90,10 @@ pub fn run_network(
     } else {
         Some(QuerySkipped::Off)
     };
-    watch.time(Stage::Backbone, |_| predict(scene, &mut features, model))?;
+    watch.time(Stage::Backbone, |_| predict(scene, &features, model))?;
     let (mut update, mut density) = (UpdateCounts::default(), None);
     if set_update_skipped.is_none()
-        && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&mut features, scene, model))?
+        && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&features, scene, model))?
     {
         let scores = Scores { prune, add };
         (update, density) = watch.stage(Stage::SetUpdate, 1, |_| update_set(scene, scores, settings))?;
@@ -108,7 +108,7 @@ pub fn run_network(
 
 impl<'a> NetworkSettings<'a> {
     /// As a recipe says. No learned step begins that would probably end after `until`.
-    pub fn of(recipe: &Recipe, model: &'a FoldedModel, seed: u64, until: Option<Instant>) -> Self {
+    pub fn of(recipe: &Recipe, model: &'a Model, seed: u64, until: Option<Instant>) -> Self {
         Self {
             model,
             refine: RefineSettings {

@@ -4,7 +4,7 @@ use lgs_engine::{
     gaussians::{GaussianSet, physical::to_physical},
     network::{
         levels::{Levels, voxels_of},
-        model::FoldedModel,
+        model::Model,
     },
     predict::positions,
     render::render_for_gradient,
@@ -54,7 +54,7 @@ impl Work {
     ///
     /// # Errors
     /// When a position leaves the voxel grid.
-    pub fn of(scene: &GaussianSet, views: &[View], model: Option<&FoldedModel>) -> Result<Self> {
+    pub fn of(scene: &GaussianSet, views: &[View], model: Option<&Model>) -> Result<Self> {
         let mut work = Self {
             views: views.len(),
             pixels: views.iter().map(|view| view.pinhole.num_pixels()).sum(),

@@ -71,7 +71,7 @@ pub fn compute(
 ) -> Result<Rendered> {
     let model = variables.model()?;
     let batch_statistics = settings.calibrates(sample.step);
-    let passes = Passes { model: &model, config: variables.config(), batch_statistics };
+    let passes = Passes { model: &model, batch_statistics };
     let mut gradients = variables.zeros();
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
     let config = variables.config();

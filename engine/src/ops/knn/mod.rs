@@ -102,7 +102,7 @@ pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
     (x * x + y * y) + z * z
 }
 
-/// Nothing: as many finite points as groups, and few enough of them.
+/// Fails unless there are as many finite points as groups, and few enough of them.
 fn check(points: &[[f32; 3]], groups: &[u32]) -> Result<()> {
     count(points.len())?;
     if groups.len() != points.len() {
