@@ -20,12 +20,10 @@ use lgs_engine::ops::sparse_conv::{KernelMap, Sites};
 use lgs_engine::ops::tensors::of_rows;
 
 use crate::load::{SEED, full, kitti, sites, sites_of, values};
+use crate::search::{NUM_POINTS, timed_points};
 use crate::street::{Street, VOXEL_SIZE};
 
 const UNET_INPUTS: usize = 15;
-const NUM_POINTS: usize = 500_000;
-/// A third of them.
-const NUM_POINTS_PER_TIME: u32 = 166_667;
 
 static CONFIG: LazyLock<ModelConfig> = LazyLock::new(full);
 
@@ -181,18 +179,4 @@ fn query_of_street_points(bencher: Bencher) {
         // In place: the projection starts at zero, so the features stay.
         query.forward(features.clone(), &Arc::new(neighbours.indices), k).unwrap()
     });
-}
-
-#[divan::bench(sample_count = 10, sample_size = 1)]
-fn search_of_street_points(bencher: Bencher) {
-    let k = CONFIG.query.as_ref().map_or(0, |query| query.neighbours);
-    let (points, times) = timed_points();
-    bencher.bench_local(|| nearest_other_time(&points, &times, k));
-}
-
-/// Points of a street and which of three timestamps each has.
-fn timed_points() -> (Vec<[f32; 3]>, Vec<u32>) {
-    let points = Street::new(SEED).points(NUM_POINTS);
-    let times = (0_u32..).map(|i| i / NUM_POINTS_PER_TIME).take(points.len()).collect();
-    (points, times)
 }

@@ -95,6 +95,6 @@ pub fn mean_score(
 ) -> Result<Score> {
     let score = |clip: &ValidationClip| clip.score(model, refine_steps, update);
     let scores: Vec<Score> = clips.iter().map(score).collect::<Result<_>>()?;
-    let mean = |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
+    let mean = |value: &dyn Fn(&Score) -> f64| scores.iter().map(value).sum::<f64>() / scores.len().max(1) as f64;
     Ok(Score { start: mean(&|s| s.start), after: (0..=refine_steps).map(|k| mean(&|s| s.after[k])).collect() })
 }

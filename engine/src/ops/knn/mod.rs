@@ -1,11 +1,15 @@
-//! Exact nearest neighbours of every point of a set, in space alone or at other timestamps only.
+//! Exact nearest neighbours of the points of a set.
 //!
-//! Host only: indices have no gradient. The tree is built once per call; leaves are queried in parallel, each result in its own slot.
+//! In space alone `kiddo` searches ([`Space`]). At other timestamps only, and where ties must go by index, a tree of our own does: it skips
+//! what is of one timestamp, and asks for all points of a leaf together. Host only: indices have no gradient.
 
 mod batch;
 mod cpu;
 pub mod reference;
+mod space;
 mod tree;
+
+pub use space::{Near, Space, nearest_in_space};
 
 use crate::error::{EngineError, Result};
 
@@ -104,11 +108,16 @@ pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
 
 /// Fails unless there are as many finite points as groups, and few enough of them.
 fn check(points: &[[f32; 3]], groups: &[u32]) -> Result<()> {
-    count(points.len())?;
     if groups.len() != points.len() {
         let (n, found) = (points.len(), groups.len());
         return Err(candle_core::Error::Msg(format!("time_index: expected {n} values, found {found}")).into());
     }
+    check_points(points)
+}
+
+/// Fails when a point is not finite, or there are too many.
+fn check_points(points: &[[f32; 3]]) -> Result<()> {
+    count(points.len())?;
     for (i, point) in points.iter().enumerate() {
         if let Some(axis) = (0..3).find(|&axis| !point[axis].is_finite()) {
             let what = format!("point {i}, {}", ["x", "y", "z"][axis]);
