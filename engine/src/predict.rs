@@ -6,10 +6,11 @@ use std::sync::Arc;
 use candle_core::Tensor;
 
 use crate::error::{EngineError, Result};
-use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
+use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
+use crate::network::branch::{Branch, positions};
 use crate::network::config::ModelConfig;
 use crate::network::levels::{Levels, voxels_of};
-use crate::network::model::{BACKGROUND_INITIAL_INPUTS, Model};
+use crate::network::model::Model;
 use crate::network::normalise::{INITIAL_INPUTS, LeftOut, add_residuals, initial_rows};
 use crate::network::policy::{EXTRA_INPUTS, Geometry, Policy};
 use crate::ops::knn::{Neighbours, nearest_other_time};
@@ -28,19 +29,13 @@ pub enum QuerySkipped {
     SingleTimestamp,
 }
 
-/// Positions of chosen Gaussians.
-pub fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
-    chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
-}
-
 /// Decoder features of the `LiDAR` branch, `[N, width]`.
 ///
 /// # Errors
 /// When a position leaves the voxel grid.
 pub fn backbone(set: &GaussianSet, model: &Model) -> Result<Tensor> {
-    let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let voxels = voxels_of(positions(set, &chosen), model.config.voxel_size)?;
-    let levels = Levels::new(&voxels, model.config.unet.num_levels())?;
+    let chosen: Vec<usize> = Branch::Lidar.range(set).collect();
+    let levels = model.levels(&model.voxels(set, &chosen, Branch::Lidar)?, Branch::Lidar)?;
     let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
     Ok(model.initial.features(&rows, &levels, false)?)
 }
@@ -104,13 +99,12 @@ pub fn predict(set: &mut GaussianSet, features: &Tensor, model: &Model) -> Resul
     let point_inputs = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
     let outputs = model.initial.heads().forward(features, &point_inputs)?;
     check_outputs(&add_outputs(set, &chosen, &outputs)?, chosen.len())?;
-    let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
+    let chosen: Vec<usize> = Branch::Background.range(set).collect();
     if chosen.is_empty() {
         return Ok(());
     }
-    let voxels = voxels_of(positions(set, &chosen), model.config.background_voxel_size)?;
-    let levels = Levels::new(&voxels, model.config.background_unet.num_levels())?;
-    let rows = of_rows(initial_rows(set, &chosen), BACKGROUND_INITIAL_INPUTS)?;
+    let levels = model.levels(&model.voxels(set, &chosen, Branch::Background)?, Branch::Background)?;
+    let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
     let (pass, heads) = (&model.background_initial, model.background_initial.heads());
     let outputs = if heads.read_point_inputs() {
         heads.forward(&pass.features(&rows, &levels, false)?, &rows)?

@@ -7,12 +7,15 @@ mod turns;
 
 use std::{borrow::Cow, time::Instant};
 
+use candle_core::Tensor;
+
 use crate::error::Result;
-use crate::gaussians::{GaussianSet, MEAN, RawGradient};
+use crate::gaussians::{GaussianSet, RawGradient};
 use crate::loss::LossWeights;
+use crate::network::branch::Branch;
 use crate::network::config::{Guidance, ModelConfig, StepLength};
-use crate::network::guide::{Guide, refine_inputs, refine_rows};
-use crate::network::levels::{Levels, voxels_of};
+use crate::network::guide::{Guide, gradient_inputs, refine_inputs, refine_rows};
+use crate::network::levels::Levels;
 use crate::network::model::Model;
 use crate::objective::{Objective, Wanted, objective_with};
 use crate::ops::tensors::of_rows;
@@ -32,16 +35,15 @@ struct Pyramid {
 }
 
 impl Pyramid {
-    fn of(&mut self, set: &GaussianSet, range: &[usize], voxel_size: f64, num_levels: usize) -> Result<&Levels> {
-        let positions = range.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]));
-        let voxels = voxels_of(positions, voxel_size)?;
+    fn over(&mut self, set: &GaussianSet, chosen: &[usize], model: &Model, branch: Branch) -> Result<&Levels> {
+        let voxels = model.voxels(set, chosen, branch)?;
         let kept = match self.kept.take() {
             Some((old, levels)) if old == voxels => {
                 self.reused += 1;
                 (old, levels)
             }
             _ => {
-                let levels = Levels::new(&voxels, num_levels)?;
+                let levels = model.levels(&voxels, branch)?;
                 (voxels, levels)
             }
         };
@@ -114,8 +116,8 @@ pub fn refine_and_measure(
         summary.non_finite_gradients += silence_guide(&mut current, guidance);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
         let start = Instant::now();
-        for (branch, pyramid) in pyramids.iter_mut().enumerate() {
-            summary.non_finite_outputs += step(set, &current, model, (branch == 0, pyramid))?;
+        for (branch, pyramid) in Branch::ALL.into_iter().zip(&mut pyramids) {
+            summary.non_finite_outputs += step(set, &current, model, branch, pyramid)?;
         }
         summary.seconds.network += start.elapsed().as_secs_f64();
         if *set == before {
@@ -193,27 +195,45 @@ fn step(
     set: &mut GaussianSet,
     objective: &Objective,
     model: &Model,
-    (moving, pyramid): (bool, &mut Pyramid),
+    branch: Branch,
+    pyramid: &mut Pyramid,
 ) -> Result<usize> {
-    let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
-    let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
+    let seen: Vec<usize> = branch.range(set).filter(|&i| objective.seen[i]).collect();
     if seen.is_empty() {
         return Ok(0);
     }
-    let config = &model.config;
-    let (pass, cin, voxel_size, unet) = if moving {
-        (&model.refine, refine_inputs(config.guidance, true), config.voxel_size, &config.unet)
-    } else {
-        let inputs = refine_inputs(config.guidance, false);
-        (&model.background_refine, inputs, config.background_voxel_size, &config.background_unet)
-    };
-    let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
-    let rows = refine_rows(set, guide(objective, config.guidance), &seen, moving);
-    let gradients = rows.point_inputs.len() / seen.len();
-    let (inputs, point_inputs) = (of_rows(rows.inputs, cin)?, of_rows(rows.point_inputs, gradients)?);
-    let features = pass.gated_features(&inputs, &point_inputs, levels, false)?;
-    let left_out = add_outputs(set, &seen, &pass.heads().forward(&features, &inputs)?)?;
+    let levels = pyramid.over(set, &seen, model, branch)?;
+    let [_, outputs] = step_outputs(set, objective, &seen, model, branch, levels, false)?;
+    let left_out = add_outputs(set, &seen, &outputs)?;
     Ok(left_out.not_finite.len() + left_out.carried_away.len())
+}
+
+/// Features and head outputs of a step of the Gaussians `seen` of a branch.
+///
+/// # Shapes
+/// `levels` over their voxels; result `[n, width]` and `[n, outputs]`.
+///
+/// # Gradient
+/// By all parameters of the pass; the scene and what guides the step are constants. With `train` normalisation is by batch statistics.
+///
+/// # Errors
+/// When a shape does not fit.
+pub fn step_outputs(
+    set: &GaussianSet,
+    objective: &Objective,
+    seen: &[usize],
+    model: &Model,
+    branch: Branch,
+    levels: &Levels,
+    train: bool,
+) -> Result<[Tensor; 2]> {
+    let (guidance, pass) = (model.config.guidance, model.refine_of(branch));
+    let rows = refine_rows(set, guide(objective, guidance), seen, branch.moves());
+    let inputs = of_rows(rows.inputs, refine_inputs(guidance, branch.moves()))?;
+    let point_inputs = of_rows(rows.point_inputs, gradient_inputs(branch.moves()))?;
+    let features = pass.gated_features(&inputs, &point_inputs, levels, train)?;
+    let outputs = pass.heads().forward(&features, &inputs)?;
+    Ok([features, outputs])
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.

@@ -19,6 +19,11 @@ pub const fn refine_inputs(guidance: Guidance, moving: bool) -> usize {
     }
 }
 
+/// Columns of the inputs of a point that are gradients.
+pub const fn gradient_inputs(moving: bool) -> usize {
+    if moving { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES }
+}
+
 /// Columns behind mean residuals: weight, error, and the step of each colour that would take its mean error away.
 const MORE: usize = 5;
 /// Bounds of the colours that such a step leads to.
@@ -88,7 +93,7 @@ pub fn refine_rows(set: &GaussianSet, guide: Guide<'_>, chosen: &[usize], with_v
         }
         row
     };
-    let num_gradients = if with_velocities { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES };
+    let num_gradients = gradient_inputs(with_velocities);
     let inverse = match guidance {
         Guidance::Gradient => inverse_mean(chosen.iter().map(|&i| gradient_row(i))),
         Guidance::Residual => RESIDUAL_GAIN,

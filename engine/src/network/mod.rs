@@ -1,5 +1,6 @@
 //! The network: passes of both branches, query, and where their weights come from.
 
+pub mod branch;
 pub mod config;
 mod conv;
 pub mod describe;

@@ -14,9 +14,6 @@ use super::unet::UNetConfig;
 use super::weights::{RandomWeights, Recorder, TensorSpec, WeightFile};
 use crate::ops::DEVICE;
 
-/// The background has no time of its own, but its input keeps the column: 14 attributes and a time of zero.
-pub const BACKGROUND_INITIAL_INPUTS: usize = INITIAL_INPUTS;
-
 /// The model: of one type before and after its normalisation is folded away.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -57,7 +54,8 @@ impl Model {
             policy,
             initial: moving(INITIAL_INPUTS, "initial")?,
             refine: moving(refine_inputs(config.guidance, true), "refine")?,
-            background_initial: still(BACKGROUND_INITIAL_INPUTS, "initial")?,
+            // It has no time of its own, but its input keeps the column.
+            background_initial: still(INITIAL_INPUTS, "initial")?,
             background_refine: still(refine_inputs(config.guidance, false), "refine")?,
             query,
         })

@@ -4,30 +4,17 @@ use candle_core::Tensor;
 use lgs_engine::{
     gaussians::GaussianSet,
     network::{
-        guide::{refine_inputs, refine_rows},
-        levels::{Levels, voxels_of},
-        model::{BACKGROUND_INITIAL_INPUTS, Model},
+        branch::Branch,
+        model::Model,
         normalise::{INITIAL_INPUTS, initial_rows},
     },
     objective::Objective,
     ops::tensors::of_rows,
-    predict::{other_time_neighbours, positions},
-    refine::guide,
+    predict::other_time_neighbours,
+    refine::step_outputs,
 };
 
 use crate::error::Result;
-
-/// A branch of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Branch {
-    /// One Gaussian per return; it moves.
-    Lidar,
-    /// Static Gaussians behind it.
-    Background,
-}
-
-/// Both branches, in the order of the set.
-pub(crate) const BRANCHES: [Branch; 2] = [Branch::Lidar, Branch::Background];
 
 /// Head outputs of some Gaussians, with the way back.
 #[derive(Debug)]
@@ -47,25 +34,10 @@ pub(crate) struct Passes<'a> {
     pub(crate) batch_statistics: bool,
 }
 
-impl Branch {
-    /// Indices of the branch in the set.
-    pub(crate) fn range(self, set: &GaussianSet) -> std::ops::Range<usize> {
-        match self {
-            Self::Lidar => 0..set.num_lidar,
-            Self::Background => set.num_lidar..set.len(),
-        }
-    }
-}
-
 impl Outcome {
     /// Number of outputs of a Gaussian.
     pub(crate) fn width(&self) -> Result<usize> {
         Ok(self.outputs.dim(1)?)
-    }
-
-    /// The outputs, `[n * width]`.
-    pub(crate) fn values(&self) -> Result<Vec<f32>> {
-        Ok(self.outputs.flatten_all()?.to_vec1()?)
     }
 
     /// A scalar whose gradient by the parameters is that of the loss whose gradient by the outputs is `v_outputs`.
@@ -82,15 +54,12 @@ impl Passes<'_> {
         if chosen.is_empty() {
             return Ok(None);
         }
-        let (pass, cin) = match branch {
-            Branch::Lidar => (&self.model.initial, INITIAL_INPUTS),
-            Branch::Background => (&self.model.background_initial, BACKGROUND_INITIAL_INPUTS),
-        };
-        let levels = self.levels(set, &chosen, branch)?;
-        let rows = of_rows(initial_rows(set, &chosen), cin)?;
+        let (model, pass) = (self.model, self.model.initial_of(branch));
+        let levels = model.levels(&model.voxels(set, &chosen, branch)?, branch)?;
+        let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
         let mut features = pass.features(&rows, &levels, self.batch_statistics)?;
         if branch == Branch::Lidar
-            && let (Some(query), Some(config)) = (&self.model.query, &self.model.config.query)
+            && let (Some(query), Some(config)) = (&model.query, &model.config.query)
             && let Some(neighbours) = other_time_neighbours(set, config.neighbours)?
         {
             features = query.forward(features, &neighbours.indices.into(), config.neighbours)?;
@@ -104,23 +73,9 @@ impl Passes<'_> {
         if chosen.is_empty() {
             return Ok(None);
         }
-        let moving = branch == Branch::Lidar;
-        let pass = if moving { &self.model.refine } else { &self.model.background_refine };
-        let levels = self.levels(set, &chosen, branch)?;
-        let guidance = self.model.config.guidance;
-        let rows = refine_rows(set, guide(before, guidance), &chosen, moving);
-        let gradients = rows.point_inputs.len() / chosen.len();
-        let inputs = of_rows(rows.inputs, refine_inputs(guidance, moving))?;
-        let point_inputs = of_rows(rows.point_inputs, gradients)?;
-        let features = pass.gated_features(&inputs, &point_inputs, &levels, self.batch_statistics)?;
-        Ok(Some(Outcome { outputs: pass.heads().forward(&features, &inputs)?, features, chosen }))
-    }
-
-    fn levels(&self, set: &GaussianSet, chosen: &[usize], branch: Branch) -> Result<Levels> {
-        let (size, unet) = match branch {
-            Branch::Lidar => (self.model.config.voxel_size, &self.model.config.unet),
-            Branch::Background => (self.model.config.background_voxel_size, &self.model.config.background_unet),
-        };
-        Ok(Levels::new(&voxels_of(positions(set, chosen), size)?, unet.num_levels())?)
+        let levels = self.model.levels(&self.model.voxels(set, &chosen, branch)?, branch)?;
+        let [features, outputs] =
+            step_outputs(set, before, &chosen, self.model, branch, &levels, self.batch_statistics)?;
+        Ok(Some(Outcome { outputs, features, chosen }))
     }
 }
