@@ -33,21 +33,6 @@ impl Neighbours {
     }
 }
 
-/// The `k` nearest other points of every point.
-///
-/// # Shapes
-/// `points` `[N, 3]` f32, any unit; result `[N, k]`.
-///
-/// # Formula
-/// The first `k` indices `j != i` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by index at every place.
-///
-/// # Errors
-/// When a coordinate is not finite or there are 2^32 - 1 points or more.
-pub fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
-    // A point may not find its own group: every point is a group.
-    nearest_other_time(points, &(0..count(points.len())?).collect::<Vec<u32>>(), k)
-}
-
 /// The `k` nearest points at other timestamps of every point.
 ///
 /// # Shapes
@@ -72,11 +57,13 @@ pub fn nearest_other_time(points: &[[f32; 3]], time_index: &[u32], k: usize) -> 
 /// `points` `[N, 3]` f32, any unit; `queries` `[M]` indices below N; result `[M, k]`.
 ///
 /// # Formula
-/// Row m is row `queries[m]` of [`nearest`].
+/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by
+/// index at every place.
 ///
 /// # Errors
-/// Those of [`nearest`], and a query beyond the points.
+/// When a coordinate is not finite, there are 2^32 - 1 points or more, or a query lies beyond them.
 pub fn nearest_of(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Neighbours> {
+    // A point may not find its own group: every point is a group.
     nearest_other_time_of(points, &(0..count(points.len())?).collect::<Vec<u32>>(), queries, k)
 }
 
