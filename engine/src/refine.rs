@@ -203,37 +203,44 @@ fn step(
         return Ok(0);
     }
     let levels = pyramid.over(set, &seen, model, branch)?;
-    let [_, outputs] = step_outputs(set, objective, &seen, model, branch, levels, false)?;
+    let [_, outputs] = StepInputs { set, objective, seen: &seen, levels }.outputs(model, branch, false)?;
     let left_out = add_outputs(set, &seen, &outputs)?;
     Ok(left_out.not_finite.len() + left_out.carried_away.len())
 }
 
-/// Features and head outputs of a step of the Gaussians `seen` of a branch.
-///
-/// # Shapes
-/// `levels` over their voxels; result `[n, width]` and `[n, outputs]`.
-///
-/// # Gradient
-/// By all parameters of the pass; the scene and what guides the step are constants. With `train` normalisation is by batch statistics.
-///
-/// # Errors
-/// When a shape does not fit.
-pub fn step_outputs(
-    set: &GaussianSet,
-    objective: &Objective,
-    seen: &[usize],
-    model: &Model,
-    branch: Branch,
-    levels: &Levels,
-    train: bool,
-) -> Result<[Tensor; 2]> {
-    let (guidance, pass) = (model.config.guidance, model.refine_of(branch));
-    let rows = refine_rows(set, guide(objective, guidance), seen, branch.moves());
-    let inputs = of_rows(rows.inputs, refine_inputs(guidance, branch.moves()))?;
-    let point_inputs = of_rows(rows.point_inputs, gradient_inputs(branch.moves()))?;
-    let features = pass.gated_features(&inputs, &point_inputs, levels, train)?;
-    let outputs = pass.heads().forward(&features, &inputs)?;
-    Ok([features, outputs])
+/// What a step of one branch starts from.
+#[derive(Clone, Copy, Debug)]
+pub struct StepInputs<'a> {
+    /// The scene.
+    pub set: &'a GaussianSet,
+    /// What the rendered views say of it.
+    pub objective: &'a Objective,
+    /// The Gaussians of the branch that are seen.
+    pub seen: &'a [usize],
+    /// The pyramid over their voxels.
+    pub levels: &'a Levels,
+}
+
+impl StepInputs<'_> {
+    /// Features and head outputs of the step.
+    ///
+    /// # Shapes
+    /// Result `[n, width]` and `[n, outputs]`.
+    ///
+    /// # Gradient
+    /// By all parameters of the pass; the scene and what guides the step are constants. With `train` normalisation is by batch statistics.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn outputs(&self, model: &Model, branch: Branch, train: bool) -> Result<[Tensor; 2]> {
+        let (guidance, pass) = (model.config.guidance, model.refine_of(branch));
+        let rows = refine_rows(self.set, guide(self.objective, guidance), self.seen, branch.moves());
+        let inputs = of_rows(rows.inputs, refine_inputs(guidance, branch.moves()))?;
+        let point_inputs = of_rows(rows.point_inputs, gradient_inputs(branch.moves()))?;
+        let features = pass.gated_features(&inputs, &point_inputs, self.levels, train)?;
+        let outputs = pass.heads().forward(&features, &inputs)?;
+        Ok([features, outputs])
+    }
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.

@@ -11,7 +11,7 @@ use lgs_engine::{
     objective::Objective,
     ops::tensors::of_rows,
     predict::other_time_neighbours,
-    refine::step_outputs,
+    refine::StepInputs,
 };
 
 use crate::error::Result;
@@ -74,8 +74,8 @@ impl Passes<'_> {
             return Ok(None);
         }
         let levels = self.model.levels(&self.model.voxels(set, &chosen, branch)?, branch)?;
-        let [features, outputs] =
-            step_outputs(set, before, &chosen, self.model, branch, &levels, self.batch_statistics)?;
+        let inputs = StepInputs { set, objective: before, seen: &chosen, levels: &levels };
+        let [features, outputs] = inputs.outputs(self.model, branch, self.batch_statistics)?;
         Ok(Some(Outcome { outputs, features, chosen }))
     }
 }
