@@ -1,26 +1,21 @@
 //! The first prediction: features of every primitive, the exchange between timestamps, residuals and velocities.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use candle_core::Tensor;
 
 use crate::error::{EngineError, Result};
-use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
-use crate::network::buffers::Buffers;
+use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
+use crate::network::branch::{Branch, positions};
 use crate::network::config::ModelConfig;
 use crate::network::levels::{Levels, voxels_of};
-use crate::network::model::{BACKGROUND_INITIAL_INPUTS, FoldedModel};
-use crate::network::normalise::{INITIAL_INPUTS, add_residuals, initial_rows};
-use crate::network::pass::gather;
-use crate::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry};
+use crate::network::model::Model;
+use crate::network::normalise::{INITIAL_INPUTS, LeftOut, add_residuals, initial_rows};
+use crate::network::policy::{EXTRA_INPUTS, Geometry, Policy};
 use crate::ops::knn::{Neighbours, nearest_other_time};
-
-/// Features of the `LiDAR` branch, and what the next stages need beside them.
-#[derive(Debug)]
-pub struct Features {
-    /// `[N, width]` decoder features; after [`query`] the fused ones.
-    pub rows: Vec<f32>,
-    /// Buffers that the stages share.
-    pub buffers: Buffers,
-}
+use crate::ops::segment::{Segments, gather, mean_pool};
+use crate::ops::tensors::{of_rows, with_values};
 
 /// Why the query did not run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -34,24 +29,15 @@ pub enum QuerySkipped {
     SingleTimestamp,
 }
 
-/// Positions of chosen Gaussians.
-pub fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
-    chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
-}
-
-/// Decoder features of the `LiDAR` branch.
+/// Decoder features of the `LiDAR` branch, `[N, width]`.
 ///
 /// # Errors
 /// When a position leaves the voxel grid.
-pub fn backbone(set: &GaussianSet, model: &FoldedModel) -> Result<Features> {
-    let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let voxels = voxels_of(positions(set, &chosen), model.config.voxel_size)?;
-    let levels = Levels::new(&voxels, model.config.unet.num_levels())?;
-    let mut buffers = Buffers::default();
-    let sites = model.initial.site_features(&initial_rows(set, &chosen), INITIAL_INPUTS, &levels, &mut buffers);
-    let rows = gather(&sites, &levels, &mut buffers);
-    buffers.give(sites);
-    Ok(Features { rows, buffers })
+pub fn backbone(set: &GaussianSet, model: &Model) -> Result<Tensor> {
+    let chosen: Vec<usize> = Branch::Lidar.range(set).collect();
+    let levels = model.levels(&model.voxels(set, &chosen, Branch::Lidar)?, Branch::Lidar)?;
+    let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
+    Ok(model.initial.features(&rows, &levels, false)?)
 }
 
 /// For every primitive of the `LiDAR` branch the first frame of its moment: frames of a single time, the same for all of them, are one moment;
@@ -86,72 +72,77 @@ pub fn other_time_neighbours(set: &GaussianSet, k: usize) -> Result<Option<Neigh
     Ok(Some(nearest_other_time(&points, &groups, k)?))
 }
 
-/// Lets every primitive ask its nearest of other frames; says why where it does not.
+/// Lets every primitive ask its nearest of other frames, `features` `[N, width]` become the fused ones; says why where it does not.
 ///
 /// # Errors
 /// When a position is not finite.
-pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<QuerySkipped>> {
+pub fn query(features: &mut Tensor, set: &GaussianSet, model: &Model) -> Result<Option<QuerySkipped>> {
     let (Some(query), Some(config)) = (&model.query, &model.config.query) else {
         return Ok(Some(QuerySkipped::NotInModel));
     };
     let Some(neighbours) = other_time_neighbours(set, config.neighbours)? else {
         return Ok(Some(QuerySkipped::SingleTimestamp));
     };
-    let fused = query.forward(&features.rows, &neighbours.indices, config.neighbours, &mut features.buffers);
-    let plain = std::mem::replace(&mut features.rows, fused);
-    features.buffers.give(plain);
+    *features = query.forward(features.clone(), &Arc::new(neighbours.indices), config.neighbours)?;
     Ok(None)
-}
-
-/// Nothing, when nobody's outputs had to be skipped.
-fn all_finite(skipped: &[usize], count: usize) -> Result<()> {
-    let Some(first) = skipped.first() else { return Ok(()) };
-    let found = format!("others for {} of {count}, the first of them Gaussian {first}", skipped.len());
-    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
 }
 
 /// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.
 ///
+/// # Shapes
+/// `features` `[N, width]` of the `LiDAR` branch.
+///
 /// # Errors
 /// When a position leaves the voxel grid, or a Gaussian would get a value that is not finite.
-pub fn predict(set: &mut GaussianSet, features: &mut Features, model: &FoldedModel) -> Result<()> {
+pub fn predict(set: &mut GaussianSet, features: &Tensor, model: &Model) -> Result<()> {
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let heads = model.initial.heads();
-    let own = if heads.read_own() { initial_rows(set, &chosen) } else { Vec::new() };
-    let outputs = heads.forward(&features.rows, &own, chosen.len(), &mut features.buffers);
-    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()).not_finite, chosen.len())?;
-    features.buffers.give(outputs);
-    let chosen: Vec<usize> = (set.num_lidar..set.len()).collect();
+    let point_inputs = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
+    let outputs = model.initial.heads().forward(features, &point_inputs)?;
+    check_outputs(&add_outputs(set, &chosen, &outputs)?, chosen.len())?;
+    let chosen: Vec<usize> = Branch::Background.range(set).collect();
     if chosen.is_empty() {
         return Ok(());
     }
-    let voxels = voxels_of(positions(set, &chosen), model.config.background_voxel_size)?;
-    let levels = Levels::new(&voxels, model.config.background_unet.num_levels())?;
-    let (pass, rows) = (&model.background_initial, initial_rows(set, &chosen));
-    let (heads, buffers) = (pass.heads(), &mut features.buffers);
-    let sites = pass.site_features(&rows, BACKGROUND_INITIAL_INPUTS, &levels, buffers);
-    // Linear heads say the same of all points of a site.
-    let (first, outputs) = if heads.read_own() {
-        let by_point = gather(&sites, &levels, buffers);
-        let outputs = heads.forward(&by_point, &rows, chosen.len(), buffers);
-        (by_point, outputs)
+    let levels = model.levels(&model.voxels(set, &chosen, Branch::Background)?, Branch::Background)?;
+    let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
+    let (pass, heads) = (&model.background_initial, model.background_initial.heads());
+    let outputs = if heads.read_point_inputs() {
+        heads.forward(&pass.features(&rows, &levels, false)?, &rows)?
     } else {
-        let by_site = heads.forward(&sites, &[], levels.sites.len(), buffers);
-        let outputs = gather(&by_site, &levels, buffers);
-        (by_site, outputs)
+        // Linear heads say the same of all points of a site.
+        let features = pass.site_features(&rows, &levels, false)?;
+        gather(&heads.forward(&features, &features)?, &levels.points)?
     };
-    all_finite(&add_residuals(set, &chosen, &outputs, heads.num_outputs()).not_finite, chosen.len())?;
-    [sites, first, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
-    Ok(())
+    check_outputs(&add_outputs(set, &chosen, &outputs)?, chosen.len())
+}
+
+/// Adds head outputs `[n, width]` to `chosen` Gaussians, but for those that this would spoil.
+///
+/// # Errors
+/// When the outputs cannot be read.
+pub fn add_outputs(set: &mut GaussianSet, chosen: &[usize], outputs: &Tensor) -> Result<LeftOut> {
+    let width = outputs.dim(1)?;
+    Ok(with_values([outputs], |[values]| Ok(add_residuals(set, chosen, values, width)))?)
+}
+
+/// Fails when outputs of some of `count` Gaussians had to be left out because they are not finite.
+///
+/// # Errors
+/// So.
+fn check_outputs(left_out: &LeftOut, count: usize) -> Result<()> {
+    let Some(first) = left_out.not_finite.first() else { return Ok(()) };
+    let skipped = left_out.not_finite.len();
+    let found = format!("others for {skipped} of {count}, the first of them Gaussian {first}");
+    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
 }
 
 /// Scores `[N]` of pruning and of adding for the `LiDAR` branch; `None` when the model has no policy.
 ///
 /// # Errors
 /// As [`scores_of`].
-pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -> Result<Option<[Vec<f32>; 2]>> {
+pub fn scores(features: &Tensor, set: &GaussianSet, model: &Model) -> Result<Option<[Vec<f32>; 2]>> {
     let Some(policy) = &model.policy else { return Ok(None) };
-    scores_of(&features.rows, set, policy, &model.config, &mut features.buffers).map(Some)
+    scores_of(features, set, policy, &model.config).map(Some)
 }
 
 /// Scores `[N]` of pruning and of adding for the `LiDAR` branch of a scene as predicted.
@@ -161,28 +152,25 @@ pub fn scores(features: &mut Features, set: &GaussianSet, model: &FoldedModel) -
 ///
 /// # Errors
 /// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
-pub fn scores_of(
-    features: &[f32],
-    set: &GaussianSet,
-    policy: &FoldedPolicy,
-    config: &ModelConfig,
-    buffers: &mut Buffers,
-) -> Result<[Vec<f32>; 2]> {
+pub fn scores_of(features: &Tensor, set: &GaussianSet, policy: &Policy, config: &ModelConfig) -> Result<[Vec<f32>; 2]> {
     let chosen: Vec<usize> = (0..set.num_lidar).collect();
     let Some(inputs) = PolicyInputs::new(features, set, &chosen, config)? else { return Ok([Vec::new(), Vec::new()]) };
-    let found = policy.scores(&inputs.rows, &inputs.geometry, buffers)?;
-    Ok([0, 1].map(|k| inputs.site_of.iter().map(|&site| found[site as usize][k]).collect()))
+    let found = policy.scores(&inputs.rows, &inputs.geometry, false)?;
+    Ok(with_values([&found], |[found]| {
+        let score = |k: usize| inputs.points.segment_of().iter().map(|&site| found[2 * site as usize + k]).collect();
+        Ok([score(0), score(1)])
+    })?)
 }
 
 /// What the policy is given of some primitives.
 #[derive(Debug)]
 pub struct PolicyInputs {
     /// `[M, width + EXTRA_INPUTS]` by voxel.
-    pub rows: Vec<f32>,
+    pub rows: Tensor,
     /// The voxels.
     pub geometry: Geometry,
-    /// `[n]` voxel of every primitive.
-    pub site_of: Vec<u32>,
+    /// The voxel of every primitive.
+    pub points: Arc<Segments>,
 }
 
 impl PolicyInputs {
@@ -196,20 +184,24 @@ impl PolicyInputs {
     ///
     /// # Errors
     /// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
-    pub fn new(features: &[f32], set: &GaussianSet, chosen: &[usize], config: &ModelConfig) -> Result<Option<Self>> {
+    pub fn new(features: &Tensor, set: &GaussianSet, chosen: &[usize], config: &ModelConfig) -> Result<Option<Self>> {
         let Some(policy) = config.policy.as_ref().filter(|_| !chosen.is_empty()) else { return Ok(None) };
         let levels = Levels::new(&voxels_of(positions(set, chosen), config.voxel_size)?, policy.encoder.len())?;
         let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
         let geometry = Geometry::new(&levels.sites, &maps, policy)?;
         let (width, states) = (config.unet.width(), initial_rows(set, chosen));
         let mut rows = vec![0.0; chosen.len() * (width + EXTRA_INPUTS)];
-        let parts = chosen.iter().zip(states.chunks_exact(INITIAL_INPUTS)).zip(&levels.site_of);
-        for (row, ((&i, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
-            row[..width].copy_from_slice(&features[i * width..][..width]);
-            row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
-            row[width + NUM_ATTRIBUTES] = (levels.num_points[site as usize] as f32).ln_1p();
-        }
-        Ok(Some(Self { rows: levels.mean_of_points(&rows, width + EXTRA_INPUTS), geometry, site_of: levels.site_of }))
+        with_values([features], |[features]| {
+            let parts = chosen.iter().zip(states.chunks_exact(INITIAL_INPUTS)).zip(levels.points.segment_of());
+            for (row, ((&i, state), &site)) in rows.chunks_exact_mut(width + EXTRA_INPUTS).zip(parts) {
+                row[..width].copy_from_slice(&features[i * width..][..width]);
+                row[width..width + NUM_ATTRIBUTES].copy_from_slice(&state[..NUM_ATTRIBUTES]);
+                row[width + NUM_ATTRIBUTES] = (levels.points.members(site as usize).len() as f32).ln_1p();
+            }
+            Ok(())
+        })?;
+        let rows = mean_pool(&of_rows(rows, width + EXTRA_INPUTS)?, &levels.points)?;
+        Ok(Some(Self { rows, geometry, points: levels.points }))
     }
 }
 

@@ -7,17 +7,19 @@ mod turns;
 
 use std::{borrow::Cow, time::Instant};
 
+use candle_core::Tensor;
+
 use crate::error::Result;
-use crate::gaussians::{GaussianSet, MEAN, RawGradient};
+use crate::gaussians::{GaussianSet, RawGradient};
 use crate::loss::LossWeights;
-use crate::network::buffers::Buffers;
+use crate::network::branch::Branch;
 use crate::network::config::{Guidance, ModelConfig, StepLength};
-use crate::network::guide::{Guide, refine_inputs, refine_rows};
-use crate::network::levels::{Levels, voxels_of};
-use crate::network::model::FoldedModel;
-use crate::network::normalise::add_residuals;
-use crate::network::pass::{FoldedPass, gather, with_own};
+use crate::network::guide::{Guide, gradient_inputs, refine_inputs, refine_rows};
+use crate::network::levels::Levels;
+use crate::network::model::Model;
 use crate::objective::{Objective, Wanted, objective_with};
+use crate::ops::tensors::of_rows;
+use crate::predict::add_outputs;
 use crate::render::{Pass, Probes};
 use crate::views::{View, at_factor};
 
@@ -33,16 +35,15 @@ struct Pyramid {
 }
 
 impl Pyramid {
-    fn of(&mut self, set: &GaussianSet, range: &[usize], voxel_size: f64, num_levels: usize) -> Result<&Levels> {
-        let positions = range.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]));
-        let voxels = voxels_of(positions, voxel_size)?;
+    fn over(&mut self, set: &GaussianSet, chosen: &[usize], model: &Model, branch: Branch) -> Result<&Levels> {
+        let voxels = model.voxels(set, chosen, branch)?;
         let kept = match self.kept.take() {
             Some((old, levels)) if old == voxels => {
                 self.reused += 1;
                 (old, levels)
             }
             _ => {
-                let levels = Levels::new(&voxels, num_levels)?;
+                let levels = model.levels(&voxels, branch)?;
                 (voxels, levels)
             }
         };
@@ -66,7 +67,7 @@ impl Pyramid {
 pub fn refine(
     set: &mut GaussianSet,
     views: &[&View],
-    model: &FoldedModel,
+    model: &Model,
     settings: impl Into<RefineSettings>,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
@@ -80,13 +81,13 @@ pub fn refine(
 pub fn refine_and_measure(
     set: &mut GaussianSet,
     views: &[&View],
-    model: &FoldedModel,
+    model: &Model,
     settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
 ) -> Result<Refined> {
     let RefineSettings { steps, turns, reduce, until, line_search, optimised_after } = settings.into();
     let mut summary = RefineSummary::default();
-    let (mut pyramids, mut buffers) = ([Pyramid::default(), Pyramid::default()], Buffers::default());
+    let mut pyramids = [Pyramid::default(), Pyramid::default()];
     if steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(Refined::default());
     }
@@ -115,8 +116,8 @@ pub fn refine_and_measure(
         summary.non_finite_gradients += silence_guide(&mut current, guidance);
         summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
         let start = Instant::now();
-        for (branch, pyramid) in pyramids.iter_mut().enumerate() {
-            summary.non_finite_outputs += step(set, &current, model, (branch == 0, pyramid), &mut buffers)?;
+        for (branch, pyramid) in Branch::ALL.into_iter().zip(&mut pyramids) {
+            summary.non_finite_outputs += step(set, &current, model, branch, pyramid)?;
         }
         summary.seconds.network += start.elapsed().as_secs_f64();
         if *set == before {
@@ -193,34 +194,53 @@ pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
 fn step(
     set: &mut GaussianSet,
     objective: &Objective,
-    model: &FoldedModel,
-    (moving, pyramid): (bool, &mut Pyramid),
-    buffers: &mut Buffers,
+    model: &Model,
+    branch: Branch,
+    pyramid: &mut Pyramid,
 ) -> Result<usize> {
-    let range = if moving { 0..set.num_lidar } else { set.num_lidar..set.len() };
-    let seen: Vec<usize> = range.filter(|&i| objective.seen[i]).collect();
+    let seen: Vec<usize> = branch.range(set).filter(|&i| objective.seen[i]).collect();
     if seen.is_empty() {
         return Ok(0);
     }
-    let config = &model.config;
-    let (pass, cin, voxel_size, unet): (&FoldedPass, _, _, _) = if moving {
-        (&model.refine, refine_inputs(config.guidance, true), config.voxel_size, &config.unet)
-    } else {
-        let inputs = refine_inputs(config.guidance, false);
-        (&model.background_refine, inputs, config.background_voxel_size, &config.background_unet)
-    };
-    let levels = pyramid.of(set, &seen, voxel_size, unet.num_levels())?;
-    let rows = refine_rows(set, guide(objective, config.guidance), &seen, moving);
-    let by_site = pass.site_features(&rows.inputs, cin, levels, buffers);
-    let mut features = gather(&by_site, levels, buffers);
-    let heads = pass.heads();
-    if !heads.read_own() {
-        with_own(&mut features, &rows.own, seen.len());
-    }
-    let outputs = heads.forward(&features, &rows.inputs, seen.len(), buffers);
-    let left_out = add_residuals(set, &seen, &outputs, heads.num_outputs());
-    [by_site, features, outputs].into_iter().for_each(|buffer| buffers.give(buffer));
+    let levels = pyramid.over(set, &seen, model, branch)?;
+    let [_, outputs] = StepInputs { set, objective, seen: &seen, levels }.outputs(model, branch, false)?;
+    let left_out = add_outputs(set, &seen, &outputs)?;
     Ok(left_out.not_finite.len() + left_out.carried_away.len())
+}
+
+/// What a step of one branch starts from.
+#[derive(Clone, Copy, Debug)]
+pub struct StepInputs<'a> {
+    /// The scene.
+    pub set: &'a GaussianSet,
+    /// What the rendered views say of it.
+    pub objective: &'a Objective,
+    /// The Gaussians of the branch that are seen.
+    pub seen: &'a [usize],
+    /// The pyramid over their voxels.
+    pub levels: &'a Levels,
+}
+
+impl StepInputs<'_> {
+    /// Features and head outputs of the step.
+    ///
+    /// # Shapes
+    /// Result `[n, width]` and `[n, outputs]`.
+    ///
+    /// # Gradient
+    /// By all parameters of the pass; the scene and what guides the step are constants. With `train` normalisation is by batch statistics.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn outputs(&self, model: &Model, branch: Branch, train: bool) -> Result<[Tensor; 2]> {
+        let (guidance, pass) = (model.config.guidance, model.refine_of(branch));
+        let rows = refine_rows(self.set, guide(self.objective, guidance), self.seen, branch.moves());
+        let inputs = of_rows(rows.inputs, refine_inputs(guidance, branch.moves()))?;
+        let point_inputs = of_rows(rows.point_inputs, gradient_inputs(branch.moves()))?;
+        let features = pass.gated_features(&inputs, &point_inputs, self.levels, train)?;
+        let outputs = pass.heads().forward(&features, &inputs)?;
+        Ok([features, outputs])
+    }
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.

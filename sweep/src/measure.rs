@@ -7,7 +7,7 @@ use lgs_engine::{
     allocator,
     evaluate::lpips::Lpips,
     gaussians::GaussianSet,
-    network::{model::FoldedModel, source::LoadedModel},
+    network::{model::Model, source::LoadedModel},
     pipeline::{self, GaussianCounts, Inputs, Reconstruction, Silent, StageTimes, Watch, begin},
 };
 use lgs_train::ablate::record::Means;
@@ -153,7 +153,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    fn model(&self, run: &Run, setting: &Setting) -> Result<Option<&FoldedModel>> {
+    fn model(&self, run: &Run, setting: &Setting) -> Result<Option<&Model>> {
         let (Some(index), Some(weights)) = (run.network, &setting.weights) else { return Ok(None) };
         let loaded = self.models.get(index).filter(|loaded| loaded.digest == weights.sha256);
         let others = || SweepError::setting("--weights", format!("those of {}", setting.name()), "others");

@@ -4,8 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use half::f16;
+use lgs_engine::error::EngineError;
 use lgs_engine::gaussians::{GaussianSet, background::Mode};
-use lgs_engine::network::model::FoldedModel;
+use lgs_engine::network::model::Model;
+use lgs_engine::ops::tensors::with_values;
 use lgs_engine::pipeline::{Flags, Opening, Run, Session, Silent, Watch};
 use lgs_engine::predict::{backbone, predict, query};
 use lgs_engine::render::{Pass, Probes};
@@ -31,7 +33,7 @@ pub struct PredictedScene {
 ///
 /// # Errors
 /// Whatever is wrong with the clip, features that are asked for without a model, and more work than there is memory for.
-pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedModel>) -> Result<PredictedScene> {
+pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&Model>) -> Result<PredictedScene> {
     let needed = Needed { frames: None, cameras: config.cameras.clone() };
     let dir = ClipDir::open_part(clip, &needed).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
@@ -53,13 +55,16 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&FoldedMode
 }
 
 /// The network's first prediction; the policy and the refinement do not run.
-fn predict_in_place(set: &mut GaussianSet, model: &FoldedModel, keep: bool) -> Result<Option<HalfFeatures>> {
+fn predict_in_place(set: &mut GaussianSet, model: &Model, keep: bool) -> Result<Option<HalfFeatures>> {
     let mut features = backbone(set, model)?;
     query(&mut features, set, model)?;
-    let kept = keep.then(|| HalfFeatures {
-        width: model.config.unet.width(),
-        bits: features.rows.iter().map(|&value| f16::from_f32(value).to_bits()).collect(),
+    let kept = keep.then(|| -> Result<HalfFeatures> {
+        let bits = with_values([&features], |[values]| {
+            Ok(values.iter().map(|&value| f16::from_f32(value).to_bits()).collect())
+        });
+        Ok(HalfFeatures { width: model.config.unet.width(), bits: bits.map_err(EngineError::from)? })
     });
-    predict(set, &mut features, model)?;
+    let kept = kept.transpose()?;
+    predict(set, &features, model)?;
     Ok(kept)
 }

@@ -8,7 +8,7 @@ use candle_core::{DType, Device, Tensor};
 use candle_nn::var_builder::SimpleBackend;
 use candle_nn::{Init, VarBuilder};
 use lgs_engine::network::config::ModelConfig;
-use lgs_engine::network::model::{FoldedModel, Model};
+use lgs_engine::network::model::Model;
 use lgs_engine::network::source::CONFIG_KEY;
 use lgs_engine::network::weights::RandomWeights;
 
@@ -102,11 +102,11 @@ impl Weights {
     ///
     /// # Errors
     /// The tensors are not the config's.
-    pub fn model(&self) -> Result<FoldedModel, String> {
+    pub fn model(&self) -> Result<Model, String> {
         let config = ModelConfig::parse(&self.config, Path::new("config.json")).map_err(|e| e.to_string())?;
         let tensors: HashMap<String, Tensor> = self.tensors.clone().into_iter().collect();
         let vb = VarBuilder::from_tensors(tensors, DType::F32, &Device::Cpu);
-        Model::new(&config, &vb).and_then(|model| model.fold(&config)).map_err(|e| e.to_string())
+        Model::new(&config, &vb).and_then(|model| model.fold()).map_err(|e| e.to_string())
     }
 
     /// The bytes of a weights file.

@@ -8,7 +8,6 @@ mod costs;
 mod depth;
 mod l1;
 mod map;
-pub mod op;
 mod psnr;
 mod residual;
 pub mod ssim;

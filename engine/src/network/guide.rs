@@ -19,6 +19,11 @@ pub const fn refine_inputs(guidance: Guidance, moving: bool) -> usize {
     }
 }
 
+/// Columns of the inputs of a point that are gradients.
+pub const fn gradient_inputs(moving: bool) -> usize {
+    if moving { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES }
+}
+
 /// Columns behind mean residuals: weight, error, and the step of each colour that would take its mean error away.
 const MORE: usize = 5;
 /// Bounds of the colours that such a step leads to.
@@ -53,13 +58,14 @@ const RESIDUAL_GAIN: [f64; NUM_ATTRIBUTES + 3] = {
     }
     gain
 };
+
 /// Inputs of a refinement step.
 #[derive(Clone, Debug)]
 pub struct RefineRows {
     /// `[n, refine_inputs]` what the U-Net is given, averaged by voxel.
     pub inputs: Vec<f32>,
-    /// `[n, gradients]` the columns of `inputs` that are gradients: what every point adds to its voxel's features.
-    pub own: Vec<f32>,
+    /// `[n, gradients]` the columns of `inputs` that are gradients: what a point has beside its voxel's features.
+    pub point_inputs: Vec<f32>,
 }
 
 /// Inputs of a refinement step of `chosen` Gaussians.
@@ -76,7 +82,7 @@ pub fn refine_rows(set: &GaussianSet, guide: Guide<'_>, chosen: &[usize], with_v
         Guide::Gradient(gradient) => (Guidance::Gradient, gradient),
         Guide::Residual(residuals) => (Guidance::Residual, &residuals.gradient),
     };
-    let of = |i: usize| {
+    let gradient_row = |i: usize| {
         let size = size(&set.attributes[i]);
         let mut row = [0.0; NUM_ATTRIBUTES + 3];
         row[..NUM_ATTRIBUTES].copy_from_slice(&gradient.attributes[i]);
@@ -87,16 +93,18 @@ pub fn refine_rows(set: &GaussianSet, guide: Guide<'_>, chosen: &[usize], with_v
         }
         row
     };
-    let num_own = if with_velocities { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES };
+    let num_gradients = gradient_inputs(with_velocities);
     let inverse = match guidance {
-        Guidance::Gradient => inverse_mean(chosen.iter().map(|&i| of(i))),
+        Guidance::Gradient => inverse_mean(chosen.iter().map(|&i| gradient_row(i))),
         Guidance::Residual => RESIDUAL_GAIN,
     };
-    let own = rows(chosen, num_own, |i, row| {
-        row.iter_mut().zip(of(i).iter().zip(inverse)).for_each(|(slot, (&g, inverse))| *slot = scaled(g, inverse));
+    let point_inputs = rows(chosen, num_gradients, |i, row| {
+        row.iter_mut()
+            .zip(gradient_row(i).iter().zip(inverse))
+            .for_each(|(slot, (&g, inverse))| *slot = scaled(g, inverse));
     });
     let width = refine_inputs(guidance, with_velocities);
-    let before_own = width - num_own - if guidance == Guidance::Residual { MORE } else { 0 };
+    let first_gradient = width - num_gradients - if guidance == Guidance::Residual { MORE } else { 0 };
     let mut inputs = rows(chosen, width, |i, row| {
         state(set, i, row);
         if with_velocities {
@@ -111,10 +119,10 @@ pub fn refine_rows(set: &GaussianSet, guide: Guide<'_>, chosen: &[usize], with_v
             }
         }
     });
-    for (row, own) in inputs.chunks_exact_mut(width).zip(own.chunks_exact(num_own)) {
-        row[before_own..before_own + num_own].copy_from_slice(own);
+    for (row, gradients) in inputs.chunks_exact_mut(width).zip(point_inputs.chunks_exact(num_gradients)) {
+        row[first_gradient..first_gradient + num_gradients].copy_from_slice(gradients);
     }
-    RefineRows { inputs, own }
+    RefineRows { inputs, point_inputs }
 }
 
 /// What an output of the heads has to be so that a colour loses its mean error.
@@ -200,13 +208,13 @@ mod tests {
         let plain = refine_rows(&set, Guide::Gradient(&gradient(8, 1.0)), &chosen, true);
         for factor in [1e-6, 1e6] {
             let scaled = refine_rows(&set, Guide::Gradient(&gradient(8, factor)), &chosen, true);
-            assert!(plain.own.iter().zip(&scaled.own).all(|(a, b)| (a - b).abs() < 1e-4));
+            assert!(plain.point_inputs.iter().zip(&scaled.point_inputs).all(|(a, b)| (a - b).abs() < 1e-4));
         }
         let tail = |row: &[f32]| row[row.len() - 17..].to_vec();
         let tails: Vec<f32> = plain.inputs.chunks_exact(REFINE_INPUTS).flat_map(tail).collect();
-        assert_eq!(tails, plain.own);
+        assert_eq!(tails, plain.point_inputs);
         let none = refine_rows(&set, Guide::Gradient(&gradient(8, 0.0)), &chosen, false);
-        assert!(none.own.iter().all(|v| *v == 0.0) && none.own.len() == 4 * NUM_ATTRIBUTES);
+        assert!(none.point_inputs.iter().all(|v| *v == 0.0) && none.point_inputs.len() == 4 * NUM_ATTRIBUTES);
     }
 
     #[test]
@@ -221,7 +229,7 @@ mod tests {
             refine_rows(&set, Guide::Residual(&residuals), &chosen, true)
         };
         let (small, large) = (rows(1e-3), rows(1.0));
-        assert!(small.own.iter().zip(&large.own).all(|(s, l)| s.abs() < l.abs() || *l == 0.0));
+        assert!(small.point_inputs.iter().zip(&large.point_inputs).all(|(s, l)| s.abs() < l.abs() || *l == 0.0));
         let ends = |k: usize| small.inputs[(k + 1) * (REFINE_INPUTS + MORE) - MORE..][..2].to_vec();
         assert_eq!(ends(0), [0.0, 0.0]);
         assert_eq!(ends(1), [0.0, 0.0], "what is not finite says nothing");

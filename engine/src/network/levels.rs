@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::{EngineError, Result};
+use crate::ops::segment::Segments;
 use crate::ops::sparse_conv::{KernelMap, Sites};
 
 /// One level of the pyramid.
@@ -23,10 +24,8 @@ pub struct Level {
 pub struct Levels {
     /// Occupied voxels of the finest level.
     pub sites: Sites,
-    /// `[N]` site of every point.
-    pub site_of: Vec<u32>,
-    /// `[M]` number of points of every site.
-    pub num_points: Vec<u32>,
+    /// The site of every point.
+    pub points: Arc<Segments>,
     /// Finest first.
     pub levels: Vec<Level>,
 }
@@ -57,10 +56,7 @@ impl Levels {
     /// When a voxel lies outside the grid (2^18 voxels an axis).
     pub fn new(voxels: &[[i32; 4]], num_levels: usize) -> Result<Self> {
         let (sites, site_of) = Sites::unique(voxels)?;
-        let mut num_points = vec![0_u32; sites.len()];
-        for &site in &site_of {
-            num_points[site as usize] += 1;
-        }
+        let points = Arc::new(Segments::new(site_of, sites.len())?);
         let mut levels = Vec::with_capacity(num_levels);
         let mut current = sites.clone();
         for level in 0..num_levels {
@@ -75,21 +71,6 @@ impl Levels {
             }
             levels.push(Level { num_sites, submanifold, pointwise, halving });
         }
-        Ok(Self { sites, site_of, num_points, levels })
-    }
-
-    /// Mean of the rows of each site's points, summed in f64 in the order of the points.
-    ///
-    /// # Shapes
-    /// `rows` `[N, width]`; result `[M, width]`.
-    #[expect(clippy::cast_possible_truncation, reason = "means are stored in f32")]
-    pub fn mean_of_points(&self, rows: &[f32], width: usize) -> Vec<f32> {
-        let mut sums = vec![0.0_f64; self.num_points.len() * width];
-        for (row, &site) in rows.chunks_exact(width.max(1)).zip(&self.site_of) {
-            let sums = &mut sums[site as usize * width..][..width];
-            sums.iter_mut().zip(row).for_each(|(s, &v)| *s += f64::from(v));
-        }
-        let counts = self.num_points.iter().flat_map(|&n| std::iter::repeat_n(f64::from(n), width));
-        sums.iter().zip(counts).map(|(s, n)| (s / n) as f32).collect()
+        Ok(Self { sites, points, levels })
     }
 }

@@ -1,24 +1,26 @@
-//! Linear layers: the one trainable form, and the form that inference runs on points by the kernels of the sparse convolution.
+//! Linear layers.
+
+use std::sync::Arc;
 
 use candle_core::{Result, Tensor};
 use candle_nn::{Init, VarBuilder};
+use rayon::prelude::*;
 
-use crate::ops::dense;
-use crate::ops::sparse_conv::{Epilogue, KernelMap, PackedWeights, convolve_into};
+use crate::ops::dense::{self, Layer};
+
+/// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
+const PIECE: usize = 1024;
 
 /// `x W^T + b`.
 #[derive(Clone, Debug)]
-pub struct Linear {
-    pub(in crate::network) weight: Tensor,
-    /// Constant zeros in a layer without bias.
-    pub(in crate::network) bias: Tensor,
-}
+pub struct Linear(Weights);
 
-/// A [`Linear`] with its weights packed.
 #[derive(Clone, Debug)]
-pub struct PackedLinear {
-    weights: PackedWeights,
-    bias: Vec<f32>,
+enum Weights {
+    /// As a checkpoint holds them.
+    Tensors { weight: Tensor, bias: Tensor },
+    /// As the kernel reads them, constant.
+    Packed(Arc<Layer>),
 }
 
 impl Linear {
@@ -29,10 +31,8 @@ impl Linear {
     pub fn new(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
         let reach = 1.0 / (inputs as f64).sqrt();
         let init = Init::Uniform { lo: -reach, up: reach };
-        Ok(Self {
-            weight: vb.get_with_hints((outputs, inputs), "weight", init)?,
-            bias: vb.get_with_hints(outputs, "bias", init)?,
-        })
+        let weight = vb.get_with_hints((outputs, inputs), "weight", init)?;
+        Ok(Self::of(weight, vb.get_with_hints(outputs, "bias", init)?))
     }
 
     /// As [`Linear::new`], but zero until it is trained.
@@ -41,55 +41,103 @@ impl Linear {
     /// As [`Linear::new`].
     pub fn zero(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
         let bias = vb.get_with_hints(outputs, "bias", Init::Const(0.0))?;
-        Ok(Self { bias, ..Self::zero_without_bias(inputs, outputs, vb)? })
+        Ok(Self::of(vb.get_with_hints((outputs, inputs), "weight", Init::Const(0.0))?, bias))
     }
 
-    /// As [`Linear::zero`], without a `bias`.
+    /// As [`Linear::zero`], with a `bias` of constant zeros.
     ///
     /// # Errors
     /// As [`Linear::new`].
     pub fn zero_without_bias(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
         let weight = vb.get_with_hints((outputs, inputs), "weight", Init::Const(0.0))?;
-        Ok(Self { bias: Tensor::zeros(outputs, weight.dtype(), weight.device())?, weight })
+        let bias = Tensor::zeros(outputs, weight.dtype(), weight.device())?;
+        Ok(Self::of(weight, bias))
     }
 
-    /// The layer, differentiable. `[N, inputs]` to `[N, outputs]`.
+    /// The layer with this `weight` `[outputs, inputs]` and `bias` `[outputs]`.
+    pub(in crate::network) fn of(weight: Tensor, bias: Tensor) -> Self {
+        Self(Weights::Tensors { weight, bias })
+    }
+
+    /// Weight and bias.
+    ///
+    /// # Errors
+    /// When they are packed.
+    pub(in crate::network) fn tensors(&self) -> Result<[&Tensor; 2]> {
+        match &self.0 {
+            Weights::Tensors { weight, bias } => Ok([weight, bias]),
+            Weights::Packed(_) => candle_core::bail!("linear: expected a layer that is not packed yet"),
+        }
+    }
+
+    /// The layer. `[N, inputs]` to `[N, outputs]`.
+    ///
+    /// # Gradient
+    /// By all tensors; a packed layer has none.
     ///
     /// # Errors
     /// When the shape does not fit.
     pub fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        dense::linear(x, &self.weight, &self.bias)
+        match &self.0 {
+            Weights::Tensors { weight, bias } => dense::linear(x, weight, bias),
+            Weights::Packed(layer) => layer.forward(x),
+        }
     }
 
-    /// The form that inference runs.
+    /// `onto`, which nobody else may hold, plus the layer on `x`.
+    ///
+    /// # Errors
+    /// When a shape does not fit.
+    pub fn add_to(&self, onto: Tensor, x: &Tensor) -> Result<Tensor> {
+        match &self.0 {
+            Weights::Tensors { weight, bias } => onto + dense::linear(x, weight, bias)?,
+            Weights::Packed(layer) => layer.add_to(onto, x),
+        }
+    }
+
+    /// The layer, then `affine` `[2, outputs]` by output: its factors in the weights.
+    ///
+    /// # Errors
+    /// When it is packed.
+    pub(in crate::network) fn then_affine(&self, affine: &Tensor) -> Result<Self> {
+        let [weight, bias] = self.tensors()?;
+        let (factor, shift) = (affine.get(0)?, affine.get(1)?);
+        Ok(Self::of(weight.broadcast_mul(&factor.unsqueeze(1)?)?, ((bias * factor)? + shift)?))
+    }
+
+    /// The layer as inference runs it: packed once, to the bit what it was.
     ///
     /// # Errors
     /// When a tensor cannot be read.
-    pub fn pack(&self) -> Result<PackedLinear> {
-        let (outputs, inputs) = self.weight.dims2()?;
-        let values = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
-        let weights = PackedWeights::of_checkpoint(&values(&self.weight)?, 1, inputs, outputs);
-        Ok(PackedLinear { weights, bias: values(&self.bias)? })
+    pub fn fold(&self) -> Result<Self> {
+        Ok(Self(Weights::Packed(match &self.0 {
+            Weights::Tensors { weight, bias } => Arc::new(Layer::new(weight, bias)?),
+            Weights::Packed(layer) => layer.clone(),
+        })))
     }
 }
 
-impl PackedLinear {
-    /// The layer on `map.num_outputs` rows; `residual` is added where there is one.
-    ///
-    /// # Shapes
-    /// `x` `[N, inputs]`, `residual` and `out` `[N, outputs]`; `map` is [`KernelMap::identity`] of N.
-    pub fn forward(&self, x: &[f32], map: &KernelMap, residual: Option<&[f32]>, out: &mut [f32]) {
-        let epilogue = Epilogue { bias: Some(&self.bias), residual, relu: false };
-        convolve_into(x, &self.weights, map, &epilogue, out);
+/// What layers that treat every row alone make of rows. Where no gradient is asked for, piece by piece: what lies between the layers stays
+/// in the caches and takes no memory worth mention.
+///
+/// # Shapes
+/// `inputs` `[N, ..]`, all of as many rows.
+///
+/// # Errors
+/// Those of the layers, and inputs that differ in their rows.
+pub(in crate::network) fn by_pieces<const N: usize>(
+    inputs: [&Tensor; N],
+    layers: impl Fn([&Tensor; N]) -> Result<Tensor> + Sync,
+) -> Result<Tensor> {
+    let rows = inputs.first().map_or(Ok(0), |x| x.dim(0))?;
+    if rows <= PIECE || inputs.iter().any(|x| x.track_op()) {
+        return layers(inputs);
     }
-
-    /// As [`PackedLinear::forward`], then what is below zero set to zero.
-    pub fn forward_relu(&self, x: &[f32], map: &KernelMap, out: &mut [f32]) {
-        convolve_into(x, &self.weights, map, &Epilogue { bias: Some(&self.bias), residual: None, relu: true }, out);
-    }
-
-    /// Number of output channels.
-    pub fn cout(&self) -> usize {
-        self.bias.len()
-    }
+    let piece = |k: usize| {
+        let (first, count) = (k * PIECE, PIECE.min(rows - k * PIECE));
+        let parts = inputs.iter().map(|x| x.narrow(0, first, count)).collect::<Result<Vec<Tensor>>>()?;
+        layers(std::array::from_fn(|i| &parts[i]))
+    };
+    let pieces = (0..rows.div_ceil(PIECE)).into_par_iter().map(piece).collect::<Result<Vec<Tensor>>>()?;
+    Tensor::cat(&pieces, 0)
 }

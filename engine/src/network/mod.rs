@@ -1,14 +1,15 @@
 //! The network: passes of both branches, query, and where their weights come from.
 
-pub mod buffers;
+pub mod branch;
 pub mod config;
+mod conv;
 pub mod describe;
 pub mod guide;
 pub mod heads;
-pub mod layers;
 pub mod levels;
 pub mod linear;
 pub mod model;
+mod norm;
 pub mod normalise;
 pub mod pass;
 pub mod policy;

@@ -1,24 +1,24 @@
 //! The whole model: passes of both branches, query.
 
-use candle_core::{DType, Device, Result};
+use candle_core::{DType, Result};
 use candle_nn::VarBuilder;
 
 use super::config::ModelConfig;
 use super::guide::refine_inputs;
 use super::heads::{HeadSizes, Outputs};
 use super::normalise::INITIAL_INPUTS;
-use super::pass::{FoldedPass, Pass};
-use super::policy::{EXTRA_INPUTS, FoldedPolicy, Policy};
-use super::query::{PackedQuery, Query};
+use super::pass::Pass;
+use super::policy::{EXTRA_INPUTS, Policy};
+use super::query::Query;
 use super::unet::UNetConfig;
 use super::weights::{RandomWeights, Recorder, TensorSpec, WeightFile};
+use crate::ops::DEVICE;
 
-/// The background has no time of its own, but its input keeps the column: 14 attributes and a time of zero.
-pub const BACKGROUND_INITIAL_INPUTS: usize = INITIAL_INPUTS;
-
-/// The trainable model.
+/// The model: of one type before and after its normalisation is folded away.
 #[derive(Clone, Debug)]
 pub struct Model {
+    /// The sizes.
+    pub config: ModelConfig,
     /// First prediction of the `LiDAR` branch.
     pub initial: Pass,
     /// Refinement of the `LiDAR` branch, shared by its steps.
@@ -33,25 +33,6 @@ pub struct Model {
     pub policy: Option<Policy>,
 }
 
-/// The model as inference runs it.
-#[derive(Clone, Debug)]
-pub struct FoldedModel {
-    /// The sizes.
-    pub config: ModelConfig,
-    /// First prediction of the `LiDAR` branch.
-    pub initial: FoldedPass,
-    /// Refinement of the `LiDAR` branch.
-    pub refine: FoldedPass,
-    /// First prediction of the background.
-    pub background_initial: FoldedPass,
-    /// Refinement of the background.
-    pub background_refine: FoldedPass,
-    /// Cross-Time Point Query.
-    pub query: Option<PackedQuery>,
-    /// Gaussian Densify Policy.
-    pub policy: Option<FoldedPolicy>,
-}
-
 impl Model {
     /// Makes or loads `initial`, `refine`, `background.{initial, refine}`, `query` and `policy`.
     ///
@@ -60,7 +41,7 @@ impl Model {
     pub fn new(config: &ModelConfig, vb: &VarBuilder<'_>) -> Result<Self> {
         let background = vb.pp("background");
         let pass = |cin: usize, unet: &UNetConfig, outputs, vb: VarBuilder<'_>| {
-            let heads = HeadSizes { features: unet.width(), own: cin, hidden: config.head_width, outputs };
+            let heads = HeadSizes { features: unet.width(), point_inputs: cin, hidden: config.head_width, outputs };
             Pass::new(cin, unet, &heads, &vb)
         };
         let moving = |cin, name: &str| pass(cin, &config.unet, Outputs::Moving, vb.pp(name));
@@ -69,10 +50,12 @@ impl Model {
         let inputs = config.unet.width() + EXTRA_INPUTS;
         let policy = config.policy.as_ref().map(|policy| Policy::new(inputs, policy, &vb.pp("policy"))).transpose()?;
         Ok(Self {
+            config: config.clone(),
             policy,
             initial: moving(INITIAL_INPUTS, "initial")?,
             refine: moving(refine_inputs(config.guidance, true), "refine")?,
-            background_initial: still(BACKGROUND_INITIAL_INPUTS, "initial")?,
+            // It has no time of its own, but its input keeps the column.
+            background_initial: still(INITIAL_INPUTS, "initial")?,
             background_refine: still(refine_inputs(config.guidance, false), "refine")?,
             query,
         })
@@ -86,41 +69,40 @@ impl Model {
         Recorder::list(|vb| Self::new(config, vb))
     }
 
-    /// The form that inference runs.
+    /// The model as inference runs it, to the bit what it is with running statistics: normalisation folded into weights, these packed once;
+    /// constants.
     ///
     /// # Errors
     /// When a tensor cannot be read.
-    pub fn fold(&self, config: &ModelConfig) -> Result<FoldedModel> {
-        Ok(FoldedModel {
-            config: config.clone(),
+    pub fn fold(&self) -> Result<Self> {
+        Ok(Self {
+            config: self.config.clone(),
             initial: self.initial.fold()?,
             refine: self.refine.fold()?,
             background_initial: self.background_initial.fold()?,
             background_refine: self.background_refine.fold()?,
-            query: self.query.as_ref().map(Query::pack).transpose()?,
+            query: self.query.as_ref().map(Query::fold).transpose()?,
             policy: self.policy.as_ref().map(Policy::fold).transpose()?,
         })
     }
-}
 
-impl FoldedModel {
-    /// The model of a weights file, which is checked as a whole first.
+    /// The model of a weights file, which is checked as a whole first, folded.
     ///
     /// # Errors
     /// As [`WeightFile::check`].
     pub fn load(config: &ModelConfig, file: &WeightFile) -> crate::error::Result<Self> {
-        file.check(&Model::tensors(config)?)?;
-        let vb = VarBuilder::from_backend(Box::new(file.clone()), DType::F32, Device::Cpu);
-        Ok(Model::new(config, &vb)?.fold(config)?)
+        file.check(&Self::tensors(config)?)?;
+        let vb = VarBuilder::from_backend(Box::new(file.clone()), DType::F32, DEVICE);
+        Ok(Self::new(config, &vb)?.fold()?)
     }
 
-    /// The model with seeded weights.
+    /// The model with seeded weights, folded.
     ///
     /// # Errors
     /// Never for a config that was parsed.
     pub fn random(config: &ModelConfig, seed: u64) -> Result<Self> {
-        let vb = VarBuilder::from_backend(Box::new(RandomWeights { seed }), DType::F32, Device::Cpu);
-        Model::new(config, &vb)?.fold(config)
+        let vb = VarBuilder::from_backend(Box::new(RandomWeights { seed }), DType::F32, DEVICE);
+        Self::new(config, &vb)?.fold()
     }
 }
 

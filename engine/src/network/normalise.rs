@@ -1,6 +1,5 @@
 //! Attributes, times and velocities at a common scale, and residuals back at theirs.
 
-use candle_core::Tensor;
 use rayon::prelude::*;
 
 use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, RawGradient};
@@ -122,25 +121,6 @@ pub fn residual_gradients(set: &GaussianSet, chosen: &[usize], gradient: &RawGra
             *slot = g * VELOCITY_RESIDUAL;
         }
     })
-}
-
-/// As [`add_residuals`] for all Gaussians of a branch that moves, differentiable: attributes and velocities after the update.
-///
-/// # Shapes
-/// `attributes` `[N, 14]`, `velocities` `[N, 3]`, `outputs` `[N, 17]`.
-///
-/// # Gradient
-/// By all three; the sizes before the update are constants.
-///
-/// # Errors
-/// When a shape does not fit.
-pub fn with_residuals(attributes: &Tensor, velocities: &Tensor, outputs: &Tensor) -> candle_core::Result<[Tensor; 2]> {
-    let values = attributes.flatten_all()?.to_vec1::<f32>()?;
-    let scales: Vec<f32> = values.as_chunks::<NUM_ATTRIBUTES>().0.iter().flat_map(residual_scale).collect();
-    let scales = Tensor::from_vec(scales, attributes.shape(), outputs.device())?;
-    let by_attribute = (outputs.narrow(1, 0, NUM_ATTRIBUTES)? * scales)?;
-    let by_velocity = (outputs.narrow(1, NUM_ATTRIBUTES, 3)? * f64::from(VELOCITY_RESIDUAL))?;
-    Ok([(attributes + by_attribute)?, (velocities + by_velocity)?])
 }
 
 pub(super) fn rows(chosen: &[usize], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {

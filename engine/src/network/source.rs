@@ -8,7 +8,7 @@ use safetensors::SafeTensors;
 
 use super::config::ModelConfig;
 use super::describe::thousands;
-use super::model::{FoldedModel, Model};
+use super::model::Model;
 use super::shipped;
 use super::weights::{TensorSpec, WeightFile};
 use crate::error::{EngineError, Result};
@@ -23,7 +23,7 @@ const MAX_PARAMETERS: usize = 400_000_000;
 #[derive(Clone, Debug)]
 pub struct LoadedModel {
     /// The model.
-    pub model: FoldedModel,
+    pub model: Model,
     /// SHA-256 of the weights file; for seeded weights `random:` and the SHA-256 of the config file.
     pub digest: String,
 }
@@ -93,7 +93,7 @@ pub fn load_model(path: &Path) -> Result<LoadedModel> {
 
 fn model_of(file: &WeightFile, path: &Path) -> Result<LoadedModel> {
     let config = of_possible_size(ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?, path)?;
-    Ok(LoadedModel { model: FoldedModel::load(&config, file)?, digest: file.sha256().to_owned() })
+    Ok(LoadedModel { model: Model::load(&config, file)?, digest: file.sha256().to_owned() })
 }
 
 /// The model of a config file with weights drawn from `seed`.
@@ -107,7 +107,7 @@ pub fn random_model(path: &Path, seed: u64) -> Result<LoadedModel> {
     };
     let config = of_possible_size(ModelConfig::parse(text, path)?, path)?;
     let digest = sha256(&bytes);
-    Ok(LoadedModel { model: FoldedModel::random(&config, seed)?, digest: format!("random:{digest}") })
+    Ok(LoadedModel { model: Model::random(&config, seed)?, digest: format!("random:{digest}") })
 }
 
 /// The config of a file that is either a config or a weights file.

@@ -1,11 +1,11 @@
 //! Activations with exact gradients.
 
-use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp1, InplaceOp1, Layout, Result, Shape, Tensor};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::lanes::{CDF_REACH, exp2, normal_cdf};
-use super::tensors::{slice, with_values};
+use super::tensors::{slice, slice_mut, with_values};
 
 /// Values of one piece of work.
 const PIECE: usize = 1 << 14;
@@ -22,6 +22,19 @@ const PIECE: usize = 1 << 14;
 /// When the values are not f32 on the host.
 pub fn gelu(x: &Tensor) -> Result<Tensor> {
     x.contiguous()?.apply_op1(Activation::Gelu)
+}
+
+/// [`gelu`] of a tensor that nobody else holds: in its memory where no gradient is asked for.
+///
+/// # Errors
+/// As [`gelu`].
+pub fn gelu_owned(x: Tensor) -> Result<Tensor> {
+    if x.track_op() {
+        return gelu(&x);
+    }
+    let x = x.contiguous()?;
+    x.inplace_op1(&Activation::Gelu)?;
+    Ok(x)
 }
 
 /// `max(x, 0)`.
@@ -91,6 +104,28 @@ impl<const WHAT: bool> WithSimd for InPlace<'_, WHAT> {
     }
 }
 
+impl Activation {
+    /// Replaces the values of one piece.
+    fn replace(self, arch: pulp::Arch, values: &mut [f32]) {
+        match self {
+            Self::Gelu => arch.dispatch(InPlace::<VALUE>(values)),
+            Self::Relu => values.iter_mut().for_each(|v| *v = if *v < 0.0 { 0.0 } else { *v }),
+        }
+    }
+}
+
+impl InplaceOp1 for Activation {
+    fn name(&self) -> &'static str {
+        CustomOp1::name(self)
+    }
+
+    fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> Result<()> {
+        let arch = pulp::Arch::new();
+        slice_mut(storage, layout)?.par_chunks_mut(PIECE).for_each(|values| self.replace(arch, values));
+        Ok(())
+    }
+}
+
 impl CustomOp1 for Activation {
     fn name(&self) -> &'static str {
         match self {
@@ -103,12 +138,9 @@ impl CustomOp1 for Activation {
         let x = slice(storage, layout)?;
         let mut out = vec![0.0_f32; x.len()];
         let arch = pulp::Arch::new();
-        out.par_chunks_mut(PIECE).zip(x.par_chunks(PIECE)).for_each(|(out, x)| match self {
-            Self::Gelu => {
-                out.copy_from_slice(x);
-                arch.dispatch(InPlace::<VALUE>(out));
-            }
-            Self::Relu => out.iter_mut().zip(x).for_each(|(out, &x)| *out = if x < 0.0 { 0.0 } else { x }),
+        out.par_chunks_mut(PIECE).zip(x.par_chunks(PIECE)).for_each(|(out, x)| {
+            out.copy_from_slice(x);
+            self.replace(arch, out);
         });
         Ok((CpuStorage::F32(out), layout.shape().clone()))
     }
@@ -155,6 +187,8 @@ mod tests {
         let x = line();
         let var = Var::from_slice(&x, x.len(), &Device::Cpu).unwrap();
         let out = gelu(&var).unwrap();
+        let owned = super::gelu_owned(var.as_tensor().copy().unwrap().detach()).unwrap();
+        assert_eq!(owned.to_vec1::<f32>().unwrap(), out.to_vec1::<f32>().unwrap());
         let slope = out.sum_all().unwrap().backward().unwrap().get(&var).unwrap().to_vec1::<f32>().unwrap();
         for (i, out) in out.to_vec1::<f32>().unwrap().into_iter().enumerate() {
             let at = f64::from(x[i]);

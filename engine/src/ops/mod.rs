@@ -10,7 +10,12 @@ pub mod segment;
 pub mod serialization;
 pub mod sparse_conv;
 
+use candle_core::Device;
+
+/// Where tensors live and operations run: the one place that says so.
+pub const DEVICE: Device = Device::Cpu;
+
 pub(crate) mod lanes;
-pub(crate) mod tensors;
+pub mod tensors;
 #[cfg(test)]
 mod test_support;

@@ -9,7 +9,7 @@ use crate::densify::{self, Density, DensityMap, Limit, Scope, Scores, Thresholds
 use crate::error::{EngineError, Result};
 use crate::evidence::{ROUNDS, prune};
 use crate::gaussians::GaussianSet;
-use crate::network::model::FoldedModel;
+use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
 use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
@@ -20,7 +20,7 @@ use crate::views::View;
 #[derive(Clone, Copy, Debug)]
 pub struct NetworkSettings<'a> {
     /// The network.
-    pub model: &'a FoldedModel,
+    pub model: &'a Model,
     /// The learned refinement.
     pub refine: RefineSettings,
     /// Whether primitives ask those of other timestamps.
@@ -94,7 +94,7 @@ pub fn run_network(
     } else {
         Some(QuerySkipped::Off)
     };
-    watch.time(Stage::Backbone, |_| predict(scene, &mut features, model))?;
+    watch.time(Stage::Backbone, |_| predict(scene, &features, model))?;
     let (mut update, mut density) = (UpdateCounts::default(), None);
     if settings.density == Density::Exact {
         Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
@@ -103,7 +103,7 @@ pub fn run_network(
             prune(scene, views, of, &mut || progress.step(Stage::SetUpdate))
         });
     } else if set_update_skipped.is_none()
-        && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&mut features, scene, model))?
+        && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&features, scene, model))?
     {
         let scores = Scores { prune, add };
         (update, density) = watch.stage(Stage::SetUpdate, 1, |_| update_set(scene, scores, settings))?;
@@ -118,7 +118,7 @@ pub fn run_network(
 
 impl<'a> NetworkSettings<'a> {
     /// As a recipe says. No learned step begins that would probably end after `until`.
-    pub fn of(recipe: &Recipe, model: &'a FoldedModel, seed: u64, until: Option<Instant>) -> Self {
+    pub fn of(recipe: &Recipe, model: &'a Model, seed: u64, until: Option<Instant>) -> Self {
         Self {
             model,
             refine: RefineSettings {

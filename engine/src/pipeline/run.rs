@@ -11,7 +11,7 @@ use super::{
 use crate::{
     error::Result,
     gaussians::Start,
-    network::model::FoldedModel,
+    network::model::Model,
     recipe::Recipe,
     refine::RefineSummary,
     render::{Pass, Probes},
@@ -24,7 +24,7 @@ pub struct Run<'a> {
     /// The recipe.
     pub recipe: Recipe,
     /// The network; `None` for a recipe without one.
-    pub model: Option<&'a FoldedModel>,
+    pub model: Option<&'a Model>,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
     /// When it has to be done; `None` for no limit.

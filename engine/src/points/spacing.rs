@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::{error::Result, ops::knn};
+use crate::{error::Result, ops::knn::nearest_in_space, views::to_f32};
 
 /// How many neighbours the spacing is the mean over.
 const NUM_NEIGHBOURS: usize = 3;
@@ -19,11 +19,10 @@ const MOST_TIMES_USUAL: f32 = 2.0;
 /// # Errors
 /// When a coordinate is not finite, or a query lies beyond the points.
 pub fn spacing(positions: &[[f32; 3]], queries: &[u32]) -> Result<Vec<f32>> {
-    let neighbours = knn::nearest_of(positions, queries, NUM_NEIGHBOURS)?;
+    let neighbours = nearest_in_space(positions, queries, NUM_NEIGHBOURS)?;
     let mean = |m: usize| {
-        let found = neighbours.of(m);
-        let distance = |&j: &u32| squared_distance(&positions[queries[m] as usize], &positions[j as usize]).sqrt();
-        found.iter().map(distance).sum::<f32>() / found.len().max(1) as f32
+        let found = &neighbours[m];
+        found.iter().map(|near| to_f32(near.squared.sqrt())).sum::<f32>() / found.len().max(1) as f32
     };
     Ok((0..queries.len()).into_par_iter().with_min_len(1024).map(mean).collect())
 }
@@ -41,11 +40,6 @@ pub fn bounded(spacing: &[f32], ranges: &[f32]) -> Vec<f32> {
     angles.sort_by(f32::total_cmp);
     let Some(&usual) = angles.get(angles.len() / 2) else { return spacing.to_vec() };
     spacing.iter().zip(ranges).map(|(s, r)| s.min(MOST_TIMES_USUAL * usual * r)).collect()
-}
-
-fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f32 {
-    let [x, y, z] = [0, 1, 2].map(|c| a[c] - b[c]);
-    x * x + y * y + z * z
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::PointCloud;
 use crate::{
     error::Result,
-    ops::knn::{nearest_other_time_of, squared_distance},
+    ops::knn::Space,
     views::{Stray, strays},
 };
 
@@ -64,10 +64,10 @@ pub fn drop_strays(cloud: &mut PointCloud) -> Result<Dropped> {
     let alone: Vec<u32> = found.iter().filter(|(_, kind)| *kind == Stray::Alone).map(|(i, _)| *i).collect();
     let mut is_there = vec![false; alone.len()];
     if !alone.is_empty() {
-        let others = nearest_other_time_of(&cloud.positions, &cloud.frames, &alone, 1)?;
-        for (m, &i) in alone.iter().enumerate() {
-            let squared = |&j: &u32| squared_distance(&cloud.positions[i as usize], &cloud.positions[j as usize]);
-            is_there[m] = others.of(m).first().map(squared).is_some_and(|squared| squared < THERE * THERE);
+        let space = Space::new(&cloud.positions)?;
+        for (is_there, &i) in is_there.iter_mut().zip(&alone) {
+            let around = space.within(&cloud.positions[i as usize], THERE);
+            *is_there = around.iter().any(|near| cloud.frames[near.index as usize] != cloud.frames[i as usize]);
         }
     }
     let mut is_there = is_there.into_iter();
@@ -90,7 +90,7 @@ pub fn drop_strays(cloud: &mut PointCloud) -> Result<Dropped> {
     Ok(dropped)
 }
 
-/// Nothing: takes away what does not stay.
+/// Takes away what does not stay.
 fn keep<T>(all: &mut Vec<T>, stays: &[bool]) {
     let mut stays = stays.iter();
     all.retain(|_| stays.next() == Some(&true));

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::PointCloud;
 use crate::{
     error::Result,
-    ops::knn::nearest_other_time_of,
+    ops::knn::Space,
     views::{ClipFrame, to_f32},
 };
 
@@ -90,8 +90,8 @@ pub fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Res
     let Some((turn_s, sweeps)) = turning(cloud, clip, frame) else { return Ok(None) };
     let still = disagreement(cloud, &sweeps)?;
     // One after the other: each is a cloud of its own.
-    let of = |turn: Turn| disagreement(&told(cloud, &sweeps, turn_s, turn), &sweeps).map(|found| found - still);
-    let (with, against) = (of(Turn::Clockwise)?, of(Turn::CounterClockwise)?);
+    let change = |turn: Turn| disagreement(&told(cloud, &sweeps, turn_s, turn), &sweeps).map(|found| found - still);
+    let (with, against) = (change(Turn::Clockwise)?, change(Turn::CounterClockwise)?);
     let least = (with - against) / (2.0 * (with + against));
     let tells = (with - against).abs() >= SHOWS * still
         && with + against > 0.0
@@ -183,30 +183,24 @@ fn told(cloud: &PointCloud, sweeps: &[Sweep], turn_s: f64, turn: Turn) -> PointC
 fn disagreement(cloud: &PointCloud, sweeps: &[Sweep]) -> Result<f64> {
     let last = sweeps.len() - 2;
     let pairs: Vec<usize> = if last == 0 { vec![0] } else { vec![0, last] };
-    let of = |&pair: &usize| {
-        let returns = sweeps[pair].returns.start..sweeps[pair + 1].returns.end;
-        let points = &cloud.positions[returns.clone()];
-        let frames = &cloud.frames[returns.clone()];
-        let own: Vec<u32> = (0..).take(sweeps[pair].returns.len()).collect();
-        let ranges =
-            cloud.ranges(&own.iter().map(|i| i + u32::try_from(returns.start).unwrap_or(0)).collect::<Vec<u32>>());
-        let near: Vec<u32> = own.into_iter().filter(|&i| (RANGE[0]..RANGE[1]).contains(&ranges[i as usize])).collect();
+    let mean_distance = |&pair: &usize| {
+        let [returns, next] = [pair, pair + 1].map(|sweep| sweeps[sweep].returns.clone());
+        let own: Vec<u32> = returns.map(|i| u32::try_from(i).unwrap_or(u32::MAX)).collect();
+        let ranges = cloud.ranges(&own);
+        let near = own.iter().zip(ranges).filter(|(_, range)| (RANGE[0]..RANGE[1]).contains(range));
+        let near: Vec<[f32; 3]> = near.map(|(&i, _)| cloud.positions[i as usize]).collect();
         // The ground looks the same wherever along it one is.
-        let mut heights: Vec<f32> = near.iter().map(|&i| points[i as usize][2]).collect();
+        let mut heights: Vec<f32> = near.iter().map(|place| place[2]).collect();
         heights.sort_by(f32::total_cmp);
         let middle = heights.get(heights.len() / 2).copied().unwrap_or_default();
-        let near: Vec<u32> = near.into_iter().filter(|&i| points[i as usize][2] > middle).collect();
-        let queries: Vec<u32> = near.iter().copied().step_by(near.len().div_ceil(MOST).max(1)).collect();
-        let neighbours = nearest_other_time_of(points, frames, &queries, 1)?;
-        let distance = |(m, &query): (usize, &u32)| {
-            let found = neighbours.of(m).first().map(|&j| {
-                (0..3).map(|k| f64::from(points[query as usize][k] - points[j as usize][k]).powi(2)).sum::<f64>().sqrt()
-            });
-            found.unwrap_or(APART).min(APART)
-        };
-        Ok(queries.iter().enumerate().map(distance).sum::<f64>() / queries.len().max(1) as f64)
+        let near: Vec<[f32; 3]> = near.into_iter().filter(|place| place[2] > middle).collect();
+        let compared: Vec<&[f32; 3]> = near.iter().step_by(near.len().div_ceil(MOST).max(1)).collect();
+        let space = Space::new(&cloud.positions[next])?;
+        let distance =
+            |place: &&[f32; 3]| space.nearest(place, 1).first().map_or(APART, |near| near.squared.sqrt().min(APART));
+        Ok(compared.iter().map(distance).sum::<f64>() / compared.len().max(1) as f64)
     };
-    let found: Vec<f64> = pairs.par_iter().map(of).collect::<Result<_>>()?;
+    let found: Vec<f64> = pairs.par_iter().map(mean_distance).collect::<Result<_>>()?;
     Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)
 }
 
@@ -236,7 +230,7 @@ mod tests {
             [([x, 5.0], [x + 0.6, 7.0]), ([x + 1.1, -9.0], [x + 1.9, -6.0])]
         });
         let boxes = pillars.chain([([-60.0, 9.0], [90.0, 10.0]), ([-60.0, -12.0], [90.0, -11.0])]);
-        let of = |(low, high): ([f64; 2], [f64; 2])| {
+        let entry = |(low, high): ([f64; 2], [f64; 2])| {
             let (mut near, mut far) = (0.0_f64, f64::INFINITY);
             for k in 0..2 {
                 let ends = [low[k], high[k]].map(|end| (end - from[k]) / direction[k]);
@@ -245,7 +239,7 @@ mod tests {
             }
             (near > 0.0 && near <= far).then_some(near)
         };
-        boxes.filter_map(of).reduce(f64::min).filter(|&range| range < 60.0).map(|range| from + direction * range)
+        boxes.filter_map(entry).reduce(f64::min).filter(|&range| range < 60.0).map(|range| from + direction * range)
     }
 
     /// Two sweeps of a drive along the street, whose returns were measured during a turn of a sense, or all at once (0).

@@ -28,8 +28,6 @@ mod project;
 mod project_backward;
 mod tiles;
 
-pub mod op;
-
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 pub use blended::{MAPS, blended_sums};
@@ -91,15 +89,6 @@ pub struct RenderedWithState {
 }
 
 impl RenderedWithState {
-    /// Bytes that the gradient pass keeps and needs beside the Gaussians and the images.
-    pub fn state_bytes(&self) -> usize {
-        let lists = &self.lists;
-        let indices = lists.first_slot.len() + lists.slots.len() + lists.first_entry.len() + lists.entries.len();
-        4 * (indices + self.tiles.len())
-            + size_of_val(lists.footprints.as_slice())
-            + lists.entries.len() * size_of::<backward::Moments>()
-    }
-
     /// Indices of the Gaussians that can reach a pixel, nearest first.
     pub fn visible(&self) -> impl Iterator<Item = usize> + '_ {
         self.lists.footprints.iter().map(|footprint| footprint.index as usize)

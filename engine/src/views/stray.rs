@@ -3,7 +3,10 @@
 //! Rain, snow and dust answer a beam alone: what the rays around theirs meet is farther. A surface that is hit once only, of all the rays
 //! around, is rare: poles, wires and branches, thinner than the beams are apart, are hit again by the next ray or the next row.
 
-use crate::{error::Result, ops::knn};
+use crate::{
+    error::Result,
+    ops::knn::{Near, nearest_in_space},
+};
 
 /// Nothing but what carries the sensor is nearer, metres: automotive `LiDAR`s measure from 0.3 to 1 m on, and give the origin for no return.
 const NEAREST: f32 = 0.5;
@@ -52,14 +55,13 @@ pub(crate) fn strays(points: &[[f32; 3]], origins: &[[f32; 3]]) -> Result<Vec<(u
     let far: Vec<u32> = indices().filter(|&(_, range)| range > REACH).map(|(i, _)| i).collect();
     // A clip in other units than metres has most of its returns there.
     if !far.is_empty() && 2 * far.len() < points.len() {
-        let others = knn::nearest_of(points, &far, SURFACE)?;
-        let lonely = |(m, &i): (usize, &u32)| {
-            let last =
-                others.of(m).get(SURFACE - 1).map(|&j| knn::squared_distance(&points[i as usize], &points[j as usize]));
-            last.is_none_or(|squared| squared.sqrt() > f64::from(SAME_PLACE * rays[i as usize].1))
+        let others = nearest_in_space(points, &far, SURFACE)?;
+        let lonely = |(near, &i): (&Vec<Near>, &u32)| {
+            let last = near.get(SURFACE - 1);
+            last.is_none_or(|last| last.squared.sqrt() > f64::from(SAME_PLACE * rays[i as usize].1))
                 .then_some((i, Stray::OutOfReach))
         };
-        found.extend(far.iter().enumerate().filter_map(lonely));
+        found.extend(others.iter().zip(&far).filter_map(lonely));
     }
     found.sort_unstable_by_key(|&(i, _)| i);
     let is_found = |i: u32| found.binary_search_by_key(&i, |&(j, _)| j).is_ok();
@@ -75,20 +77,18 @@ fn alone(rays: &[([f32; 3], f32)]) -> Result<Vec<u32>> {
     let directions: Vec<[f32; 3]> = rays.iter().map(|&(direction, _)| direction).collect();
     let range = |i: u32| rays[i as usize].1;
     let chosen: Vec<u32> = (0..).zip(rays).filter(|(_, (_, range))| *range < ALONE_WITHIN).map(|(i, _)| i).collect();
-    let nearest = knn::nearest_of(&directions, &chosen, PAST.0)?;
-    let is_past = |(m, &i): (usize, &u32)| {
-        let around = nearest.of(m);
-        (around.len() == PAST.0 && around.iter().all(|&j| range(j) > PAST.1 * range(i))).then_some(i)
+    let nearest = nearest_in_space(&directions, &chosen, PAST.0)?;
+    let is_past = |(around, &i): (&Vec<Near>, &u32)| {
+        (around.len() == PAST.0 && around.iter().all(|near| range(near.index) > PAST.1 * range(i))).then_some(i)
     };
-    let chosen: Vec<u32> = chosen.iter().enumerate().filter_map(is_past).collect();
+    let chosen: Vec<u32> = nearest.iter().zip(&chosen).filter_map(is_past).collect();
     let places: Vec<[f32; 3]> = rays.iter().map(|&(direction, range)| direction.map(|v| v * range)).collect();
-    let others = knn::nearest_of(&places, &chosen, 1)?;
-    let is_alone = |(m, &i): (usize, &u32)| {
-        let squared = |&j: &u32| knn::squared_distance(&places[i as usize], &places[j as usize]);
+    let others = nearest_in_space(&places, &chosen, 1)?;
+    let is_alone = |(near, &i): (&Vec<Near>, &u32)| {
         let limit = f64::from(SAME_PLACE * range(i)).powi(2);
-        others.of(m).first().map(squared).is_some_and(|squared| squared > limit).then_some(i)
+        near.first().is_some_and(|near| near.squared > limit).then_some(i)
     };
-    Ok(chosen.iter().enumerate().filter_map(is_alone).collect())
+    Ok(others.iter().zip(&chosen).filter_map(is_alone).collect())
 }
 
 /// The direction of a return from where its ray starts, and its range; no direction at the start itself.

@@ -2,11 +2,7 @@
 
 use lgs_engine::{
     gaussians::{GaussianSet, physical::to_physical},
-    network::{
-        levels::{Levels, voxels_of},
-        model::FoldedModel,
-    },
-    predict::positions,
+    network::{branch::Branch, levels::Levels, model::Model},
     render::render_for_gradient,
     views::View,
 };
@@ -54,7 +50,7 @@ impl Work {
     ///
     /// # Errors
     /// When a position leaves the voxel grid.
-    pub fn of(scene: &GaussianSet, views: &[View], model: Option<&FoldedModel>) -> Result<Self> {
+    pub fn of(scene: &GaussianSet, views: &[View], model: Option<&Model>) -> Result<Self> {
         let mut work = Self {
             views: views.len(),
             pixels: views.iter().map(|view| view.pinhole.num_pixels()).sum(),
@@ -63,23 +59,19 @@ impl Work {
             ..Self::default()
         };
         if let Some(model) = model {
-            let config = &model.config;
-            let lidar: Vec<usize> = (0..scene.num_lidar).collect();
-            let behind: Vec<usize> = (scene.num_lidar..scene.len()).collect();
-            let levels = pyramid(scene, &lidar, config.voxel_size, config.unet.num_levels())?;
+            let pyramid = |branch: Branch| -> Result<Levels> {
+                let chosen: Vec<usize> = branch.range(scene).collect();
+                Ok(model.levels(&model.voxels(scene, &chosen, branch)?, branch)?)
+            };
+            let levels = pyramid(Branch::Lidar)?;
             (work.sites, work.pairs) = (levels.sites.len(), pairs(&levels));
-            let levels = pyramid(scene, &behind, config.background_voxel_size, config.background_unet.num_levels())?;
-            work.background_pairs = pairs(&levels);
+            work.background_pairs = pairs(&pyramid(Branch::Background)?);
         }
         let splats = to_physical(scene);
         let intersections = |view: &View| render_for_gradient(&splats, &view.pinhole, [0.0; 3]).num_intersections();
         work.intersections = views.iter().map(intersections).sum();
         Ok(work)
     }
-}
-
-fn pyramid(scene: &GaussianSet, chosen: &[usize], voxel_size: f64, num_levels: usize) -> Result<Levels> {
-    Ok(Levels::new(&voxels_of(positions(scene, chosen), voxel_size)?, num_levels)?)
 }
 
 fn pairs(levels: &Levels) -> usize {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use lgs_engine::network::model::FoldedModel;
+use lgs_engine::network::model::Model;
 use lgs_formats::targets::{
     ClipRecord, EncodedClip, FailedClip, Manifest, Part, ShardRecord, TARGETS_FORMAT, TargetsConfig,
 };
@@ -28,7 +28,7 @@ pub struct Job<'a> {
     /// What decides the values.
     pub config: TargetsConfig,
     /// The network, for the config's weights.
-    pub model: Option<&'a FoldedModel>,
+    pub model: Option<&'a Model>,
     /// Most bytes of a shard's data.
     pub shard_bytes: u64,
     /// Whether the folder may hold results of an earlier run of the same job.

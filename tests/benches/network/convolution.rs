@@ -4,7 +4,8 @@ use candle_core::{Device, Tensor, Var};
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use lgs_engine::ops::sparse_conv::{
-    Epilogue, KernelMap, PackedWeights, by_features, by_weights, convolve, convolve_into, reference,
+    ConvWeights, Epilogue, KernelMap, PackedWeights, WeightShape, by_features, by_weights, convolve, convolve_into,
+    reference,
 };
 
 use crate::load::{LOAD, sites, values};
@@ -35,7 +36,8 @@ fn sorted_sites_and_kernel_map(bencher: Bencher) {
 fn forward(bencher: Bencher, channels: usize) {
     let load = &*LOAD;
     let features = values(load.sites.len() * channels, 1);
-    let weights = PackedWeights::of_checkpoint(&weight(channels), NUM_OFFSETS, channels, channels);
+    let packed = shape(channels).pack(&weight(channels));
+    let weights = PackedWeights::new(shape(channels), &packed);
     let mut out = features.clone();
     bencher.counter(operations(&load.map, channels)).bench_local(|| {
         convolve_into(&features, &weights, &load.map, &Epilogue::default(), &mut out);
@@ -46,10 +48,11 @@ fn forward(bencher: Bencher, channels: usize) {
 fn gradient_by_features(bencher: Bencher, channels: usize) {
     let load = &*LOAD;
     let v_out = values(load.sites.len() * channels, 1);
-    let weight = weight(channels);
+    let packed = shape(channels).pack(&weight(channels));
+    let weights = PackedWeights::new(shape(channels), &packed);
     let mut v_features = v_out.clone();
     bencher.counter(operations(&load.map, channels)).bench_local(|| {
-        by_features(&v_out, &weight, &load.map, channels, &mut v_features);
+        by_features(&v_out, &weights, &load.map, &mut v_features);
     });
 }
 
@@ -73,7 +76,8 @@ fn operation_and_gradients(bencher: Bencher, channels: usize) {
     let weight = var(&weight(channels), &[channels, 3, 3, 3, channels]);
     let v_out = Tensor::from_vec(values(rows * channels, 2), (rows, channels), &Device::Cpu).unwrap();
     bencher.counter(ItemsCount::new(6 * load.map.num_pairs() * channels * channels)).bench_local(|| {
-        let out = convolve(&features, &weight, &load.map).unwrap();
+        let weights = ConvWeights::without_bias(&weight).unwrap();
+        let out = convolve(&features, &weights, None, &load.map, false).unwrap();
         (out * &v_out).unwrap().sum_all().unwrap().backward().unwrap()
     });
 }
@@ -89,6 +93,10 @@ fn twin(bencher: Bencher, channels: usize) {
     bencher
         .counter(operations(&map, channels))
         .bench_local(|| reference::convolve((sites.coords(), &features), sites.coords(), &weight, 3, 1));
+}
+
+fn shape(channels: usize) -> WeightShape {
+    WeightShape { num_offsets: NUM_OFFSETS, cin: channels, cout: channels }
 }
 
 fn weight(channels: usize) -> Vec<f32> {

@@ -8,6 +8,7 @@ mod convolution;
 mod load;
 mod models;
 mod plain;
+mod search;
 mod street;
 
 use std::io::Write as _;

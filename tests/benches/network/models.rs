@@ -2,35 +2,36 @@
 
 use std::sync::LazyLock;
 
-use candle_core::{DType, Device};
+use std::sync::Arc;
+
+use candle_core::{DType, Tensor};
 use candle_nn::VarBuilder;
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use lgs_engine::network::buffers::Buffers;
 use lgs_engine::network::config::ModelConfig;
 use lgs_engine::network::levels::{Levels, voxels_of};
-use lgs_engine::network::policy::{EXTRA_INPUTS, FoldedPolicy, Geometry, Policy, StageConfig};
+use lgs_engine::network::policy::{EXTRA_INPUTS, Geometry, Policy, StageConfig};
 use lgs_engine::network::query::Query;
-use lgs_engine::network::unet::{FoldedUNet, UNet};
+use lgs_engine::network::unet::UNet;
 use lgs_engine::network::weights::RandomWeights;
+use lgs_engine::ops::DEVICE;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::ops::sparse_conv::{KernelMap, Sites};
+use lgs_engine::ops::tensors::of_rows;
 
 use crate::load::{SEED, full, kitti, sites, sites_of, values};
+use crate::search::{NUM_POINTS, timed_points};
 use crate::street::{Street, VOXEL_SIZE};
 
 const UNET_INPUTS: usize = 15;
-const NUM_POINTS: usize = 500_000;
-/// A third of them.
-const NUM_POINTS_PER_TIME: u32 = 166_667;
 
 static CONFIG: LazyLock<ModelConfig> = LazyLock::new(full);
 
-fn unet() -> FoldedUNet {
+fn unet() -> UNet {
     UNet::new(UNET_INPUTS, &CONFIG.unet, &weights()).and_then(|unet| unet.fold()).unwrap()
 }
 
-fn policy() -> FoldedPolicy {
+fn policy() -> Policy {
     let config = CONFIG.policy.as_ref().unwrap();
     Policy::new(policy_inputs(), config, &weights()).and_then(|policy| policy.fold()).unwrap()
 }
@@ -40,7 +41,11 @@ fn policy_inputs() -> usize {
 }
 
 fn weights() -> VarBuilder<'static> {
-    VarBuilder::from_backend(Box::new(RandomWeights { seed: 1 }), DType::F32, Device::Cpu)
+    VarBuilder::from_backend(Box::new(RandomWeights { seed: 1 }), DType::F32, DEVICE)
+}
+
+fn features(rows: usize, width: usize) -> Tensor {
+    of_rows(values(rows * width, 1), width).unwrap()
 }
 
 /// Multiplications and additions of the U-Net on a pyramid.
@@ -74,13 +79,11 @@ fn whole_unet(bencher: Bencher, points: &[[f32; 3]]) {
     let unet = unet();
     let voxels = voxels_of(points.iter().copied(), VOXEL_SIZE).unwrap();
     let levels = Levels::new(&voxels, CONFIG.unet.num_levels()).unwrap();
-    let features = values(levels.sites.len() * UNET_INPUTS, 1);
-    let mut buffers = Buffers::default();
+    let features = features(levels.sites.len(), UNET_INPUTS);
     bencher.counter(ItemsCount::new(operations_of_unet(&levels))).bench_local(|| {
         let voxels = voxels_of(points.iter().copied(), VOXEL_SIZE).unwrap();
         let levels = Levels::new(&voxels, CONFIG.unet.num_levels()).unwrap();
-        let out = unet.forward(&features, &levels, &mut buffers);
-        buffers.give(out);
+        unet.forward(&features, &levels, false).unwrap()
     });
 }
 
@@ -132,11 +135,10 @@ fn whole_policy(bencher: Bencher, sites: &Sites) {
     let policy = policy();
     let config = CONFIG.policy.as_ref().unwrap();
     let maps = [std::sync::Arc::new(KernelMap::submanifold(sites, 3).unwrap())];
-    let features = values(sites.len() * policy_inputs(), 1);
-    let mut buffers = Buffers::default();
+    let features = features(sites.len(), policy_inputs());
     bencher.counter(ItemsCount::new(operations_of_policy(sites))).bench_local(|| {
         let geometry = Geometry::new(sites, &maps, config).unwrap();
-        policy.scores(&features, &geometry, &mut buffers).unwrap()
+        policy.scores(&features, &geometry, false).unwrap()
     });
 }
 
@@ -169,27 +171,12 @@ fn policy_geometry_of_street_sites(bencher: Bencher, count: usize) {
 fn query_of_street_points(bencher: Bencher) {
     let k = CONFIG.query.as_ref().map_or(0, |query| query.neighbours);
     let width = CONFIG.unet.width();
-    let query = Query::new(width, &weights()).and_then(|query| query.pack()).unwrap();
+    let query = Query::new(width, &weights()).and_then(|query| query.fold()).unwrap();
     let (points, times) = timed_points();
-    let features = values(points.len() * width, 1);
-    let mut buffers = Buffers::default();
+    let features = features(points.len(), width);
     bencher.bench_local(|| {
         let neighbours = nearest_other_time(&points, &times, k).unwrap();
-        let fused = query.forward(&features, &neighbours.indices, k, &mut buffers);
-        buffers.give(fused);
+        // In place: the projection starts at zero, so the features stay.
+        query.forward(features.clone(), &Arc::new(neighbours.indices), k).unwrap()
     });
-}
-
-#[divan::bench(sample_count = 10, sample_size = 1)]
-fn search_of_street_points(bencher: Bencher) {
-    let k = CONFIG.query.as_ref().map_or(0, |query| query.neighbours);
-    let (points, times) = timed_points();
-    bencher.bench_local(|| nearest_other_time(&points, &times, k));
-}
-
-/// Points of a street and which of three timestamps each has.
-fn timed_points() -> (Vec<[f32; 3]>, Vec<u32>) {
-    let points = Street::new(SEED).points(NUM_POINTS);
-    let times = (0_u32..).map(|i| i / NUM_POINTS_PER_TIME).take(points.len()).collect();
-    (points, times)
 }

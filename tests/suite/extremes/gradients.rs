@@ -134,7 +134,7 @@ fn zero_guide() -> Outcome {
     let chosen: Vec<usize> = (0..30).collect();
     let rows = refine_rows(&set, Guide::Gradient(&random_gradient(30, 0.0)), &chosen, true);
     all_finite("inputs", rows.inputs)?;
-    ensure(rows.own.iter().all(|v| *v == 0.0), || "a zero gradient says something".to_owned())
+    ensure(rows.point_inputs.iter().all(|v| *v == 0.0), || "a zero gradient says something".to_owned())
 }
 
 fn outlier(value: f32) -> Outcome {
@@ -147,7 +147,7 @@ fn outlier(value: f32) -> Outcome {
     let (got, want) = (rows(&spoilt), rows(&plain));
     all_finite("inputs", got.inputs.iter().copied())?;
     let others = (0..200).filter(|&i| i != 9).flat_map(|i| 17 * i..17 * i + 17);
-    let worst = others.map(|k| (got.own[k] - want.own[k]).abs()).fold(0.0, f32::max);
+    let worst = others.map(|k| (got.point_inputs[k] - want.point_inputs[k]).abs()).fold(0.0, f32::max);
     ensure(worst < 0.05, || format!("an input of another Gaussian moved by {worst}"))
 }
 
@@ -174,7 +174,8 @@ fn outlier_residual() -> Outcome {
 fn loss_scaled() -> Outcome {
     let (set, _) = noise(60, 3);
     let chosen: Vec<usize> = (0..60).collect();
-    let rows = |factor: f32| refine_rows(&set, Guide::Gradient(&random_gradient(60, factor)), &chosen, true).own;
+    let rows =
+        |factor: f32| refine_rows(&set, Guide::Gradient(&random_gradient(60, factor)), &chosen, true).point_inputs;
     let want = rows(1.0);
     for factor in [1e-12, 1e12] {
         let worst = rows(factor).iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

@@ -7,6 +7,7 @@ use lgs_engine::gaussians::{LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN};
 use lgs_engine::network::levels::{Levels, voxels_of};
 use lgs_engine::ops::attention::{Patches, attention};
 use lgs_engine::ops::norm::{batch_norm, layer_norm};
+use lgs_engine::ops::segment::mean_pool;
 use lgs_engine::ops::serialization::{Curve, codes, depth_of, order};
 use lgs_engine::ops::sparse_conv::Sites;
 use lgs_engine::predict::{backbone, predict, query, scores};
@@ -108,7 +109,7 @@ fn voxel_mean(count: usize, value: impl Fn(usize) -> f32) -> Result<Vec<f32>, li
     let voxels = voxels_of((0..count).map(|_| [0.05; 3]), 0.1).map_err(failed)?;
     let levels = Levels::new(&voxels, 3).map_err(failed)?;
     ensure(levels.sites.len() == 1, || format!("{} sites", levels.sites.len()))?;
-    Ok(levels.mean_of_points(&(0..count).map(value).collect::<Vec<f32>>(), 1))
+    values(&mean_pool(&tensor((0..count).map(value).collect(), count)?, &levels.points).map_err(failed)?)
 }
 
 fn full_voxel() -> Outcome {
@@ -127,9 +128,9 @@ fn one_site() -> Outcome {
     let mut set = set_of(vec![sphere()], 1);
     let mut features = backbone(&set, &model).map_err(failed)?;
     query(&mut features, &set, &model).map_err(failed)?;
-    predict(&mut set, &mut features, &model).map_err(failed)?;
-    all_finite("features", features.rows.iter().copied())?;
-    let found = scores(&mut features, &set, &model).map_err(failed)?.ok_or("no policy")?;
+    predict(&mut set, &features, &model).map_err(failed)?;
+    all_finite("features", values(&features)?)?;
+    let found = scores(&features, &set, &model).map_err(failed)?.ok_or("no policy")?;
     all_finite("scores", found.concat())
 }
 
@@ -138,8 +139,8 @@ fn no_gaussians() -> Outcome {
     let mut set = set_of(Vec::new(), 0);
     let mut features = backbone(&set, &model).map_err(failed)?;
     query(&mut features, &set, &model).map_err(failed)?;
-    predict(&mut set, &mut features, &model).map_err(failed)?;
-    let found = scores(&mut features, &set, &model).map_err(failed)?.ok_or("no policy")?;
+    predict(&mut set, &features, &model).map_err(failed)?;
+    let found = scores(&features, &set, &model).map_err(failed)?.ok_or("no policy")?;
     ensure(found.concat().is_empty() && set.is_empty(), || format!("{found:?}"))
 }
 
@@ -197,7 +198,7 @@ fn zero_channels() -> Outcome {
         row[MEAN.end..].fill(0.0);
     }
     set.times.fill(0.0);
-    all_finite("features", backbone(&set, &model).map_err(failed)?.rows)
+    all_finite("features", values(&backbone(&set, &model).map_err(failed)?)?)
 }
 
 /// What the whole prediction says: finite scenes are as good as a named refusal.
@@ -206,7 +207,7 @@ fn finite_or_named(weights: &Weights) -> Outcome {
     let (mut set, _) = noise(80, 3);
     let mut features = backbone(&set, &model).map_err(failed)?;
     query(&mut features, &set, &model).map_err(failed)?;
-    let said = predict(&mut set, &mut features, &model).map_err(|e| e.to_string());
+    let said = predict(&mut set, &features, &model).map_err(|e| e.to_string());
     set.check_finite().map_err(failed)?;
     match said {
         Ok(()) => Ok(()),
@@ -249,8 +250,8 @@ fn extreme_states() -> Outcome {
         row[LOGIT_OPACITY] = [200.0, -200.0][k % 2];
         row[LOGIT_COLOUR].fill([-200.0, 200.0][k % 2]);
     }
-    let mut features = backbone(&set, &model).map_err(failed)?;
-    all_finite("features", features.rows.iter().copied())?;
-    predict(&mut set, &mut features, &model).map_err(failed)?;
+    let features = backbone(&set, &model).map_err(failed)?;
+    all_finite("features", values(&features)?)?;
+    predict(&mut set, &features, &model).map_err(failed)?;
     set.check_finite().map_err(failed)
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use candle_core::{Device, Tensor};
 use lgs_engine::densify::{Action, Scores, Thresholds, apply, at_random, by_budget, by_thresholds, count};
-use lgs_engine::ops::knn::nearest;
+use lgs_engine::ops::knn::nearest_of;
 use lgs_engine::ops::segment::{Segments, mean_pool};
 use lgs_formats::targets::{Signal, TargetsConfig, ZScore};
 use lgs_targetgen::response::{Maxima, responses};
@@ -201,8 +201,8 @@ fn many_rows() -> Outcome {
 }
 
 fn few_neighbours() -> Outcome {
-    let found = nearest(&[[0.0; 3], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 64).map_err(failed)?;
-    let alone = nearest(&[[0.0; 3]], 64).map_err(failed)?;
+    let found = nearest_of(&[[0.0; 3], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]], &[0, 1, 2], 64).map_err(failed)?;
+    let alone = nearest_of(&[[0.0; 3]], &[0], 64).map_err(failed)?;
     ensure(found.of(0) == [2, 1] && alone.of(0).is_empty(), || format!("{:?}", found.of(0)))
 }
 

@@ -1,10 +1,9 @@
-//! Point Transformer V3 against its reference implementation, by the trained and by the folded path.
+//! Point Transformer V3 against its reference implementation, as training and as inference run it.
 
 use std::collections::BTreeSet;
 
 use candle_core::{DType, Device, Tensor};
 use candle_nn::VarBuilder;
-use lgs_engine::network::buffers::Buffers;
 use lgs_engine::network::policy::{Geometry, Policy};
 use lgs_engine::ops::serialization::{codes, order};
 use lgs_tests::compare::{absolute, close};
@@ -58,7 +57,7 @@ fn same(name: &str, got: &[u64], golden: &Ptv3Golden) -> Outcome {
     }
 }
 
-/// The network in both forms, its input in the order of the sites, and what was compared so far.
+/// The network, its input in the order of the sites, and what was compared so far.
 struct Run<'a> {
     golden: &'a Ptv3Golden,
     policy: Policy,
@@ -81,6 +80,26 @@ impl<'a> Run<'a> {
             slots.iter_mut().zip(row).for_each(|(slot, &v)| *slot = v as f32);
         }
         Ok(Self { golden, policy, geometry, features, compared: BTreeSet::new() })
+    }
+
+    /// Compares all that a policy makes on the way of what `expected` names, and its result.
+    fn check(mut self, policy: &Policy, expected: fn(&str) -> bool) -> Outcome {
+        let width = self.features.len() / self.golden.voxels.len();
+        let shape = (self.golden.voxels.len(), width);
+        let x = Tensor::from_vec(self.features.clone(), shape, &Device::Cpu).map_err(failed)?;
+        let geometry = self.geometry.clone();
+        let values = |t: &Tensor| t.flatten_all().and_then(|t| t.to_vec1::<f32>());
+        let mut outcome = Ok(());
+        let mut observer = |name: &str, features: &Tensor| {
+            let got = values(features)?;
+            if outcome.is_ok() {
+                outcome = self.compare(name, &got);
+            }
+            Ok(())
+        };
+        let result = policy.features(&x, &geometry, false, Some(&mut observer)).map_err(failed)?;
+        outcome?;
+        self.finish(&values(&result).map_err(failed)?, expected)
     }
 
     /// Compares what a stage made, if the golden has it.
@@ -122,36 +141,14 @@ fn stage_of(name: &str) -> Result<usize, Failed> {
 }
 
 fn trained(golden: &Ptv3Golden) -> Outcome {
-    let mut run = Run::new(golden)?;
-    let width = run.features.len() / golden.voxels.len();
-    let x = Tensor::from_vec(run.features.clone(), (golden.voxels.len(), width), &Device::Cpu).map_err(failed)?;
-    let (policy, geometry) = (run.policy.clone(), run.geometry.clone());
-    let values = |t: &Tensor| t.flatten_all().and_then(|t| t.to_vec1::<f32>());
-    let mut outcome = Ok(());
-    let mut observer = |name: &str, features: &Tensor| {
-        let got = values(features)?;
-        if outcome.is_ok() {
-            outcome = run.compare(name, &got);
-        }
-        Ok(())
-    };
-    let result = policy.features(&x, &geometry, false, Some(&mut observer)).map_err(failed)?;
-    outcome?;
-    run.finish(&values(&result).map_err(failed)?, |_| true)
+    let run = Run::new(golden)?;
+    let policy = run.policy.clone();
+    run.check(&policy, |_| true)
 }
 
-/// The folded path shows its stages, not the inside of its blocks.
+/// Folded, it shows its stages, not the inside of its blocks.
 fn folded(golden: &Ptv3Golden) -> Outcome {
-    let mut run = Run::new(golden)?;
+    let run = Run::new(golden)?;
     let policy = run.policy.fold().map_err(failed)?;
-    let (features, geometry) = (run.features.clone(), run.geometry.clone());
-    let mut outcome = Ok(());
-    let mut observer = |name: &str, features: &[f32]| {
-        if outcome.is_ok() {
-            outcome = run.compare(name, features);
-        }
-    };
-    let result = policy.features(&features, &geometry, &mut Buffers::default(), &mut observer).map_err(failed)?;
-    outcome?;
-    run.finish(&result, |name| !name.contains(".block"))
+    run.check(&policy, |name| !name.contains(".block"))
 }

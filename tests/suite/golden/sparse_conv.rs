@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use candle_core::{Device, Tensor, Var};
-use lgs_engine::ops::sparse_conv::{KernelMap, Sites, convolve};
+use lgs_engine::ops::sparse_conv::{ConvWeights, KernelMap, Sites, convolve};
 use lgs_tests::compare::{absolute, close};
 use lgs_tests::golden::tensors::TensorFile;
 use lgs_tests::golden::{GoldenFile, files};
@@ -101,8 +101,11 @@ fn chain(file: &GoldenFile) -> Outcome {
     let bias = |layer: &str| variable(&input.tensors, &format!("b.{layer}"));
     let (b_subm, b_down, b_up) = (bias("subm")?, bias("down")?, bias("up")?);
     let layer = |x: &Tensor, weight: &Var, map: &Arc<KernelMap>, bias: Option<&Var>| {
-        let y = convolve(x, weight, map)?;
-        bias.map_or(Ok(y.clone()), |bias| y.broadcast_add(bias))
+        let weights = match bias {
+            Some(bias) => ConvWeights::with_bias(weight, bias)?,
+            None => ConvWeights::without_bias(weight)?,
+        };
+        convolve(x, &weights, None, map, false)
     };
     let a = layer(&input.sorted()?, &subm, &fine, Some(&b_subm)).map_err(failed)?;
     input.check("out.subm", &input.in_file_order(&a)?, VALUES)?;
@@ -135,12 +138,16 @@ fn other_kernels(file: &GoldenFile) -> Outcome {
     let input = Input::open(file)?;
     let wide = Arc::new(KernelMap::submanifold(&input.sites, 5).map_err(|e| e.to_string())?);
     let x = input.sorted()?;
-    let y = convolve(&x, variable(&input.tensors, "w.subm5")?.as_tensor(), &wide).map_err(failed)?;
+    let weights = |name: &str| -> Result<ConvWeights, Failed> {
+        let weight = variable(&input.tensors, name)?;
+        ConvWeights::without_bias(&weight).map_err(failed)
+    };
+    let y = convolve(&x, &weights("w.subm5")?, None, &wide, false).map_err(failed)?;
     input.check("out.subm5", &input.in_file_order(&y)?, VALUES)?;
     let (coarse, map) = KernelMap::strided(&input.sites, 3).map_err(|e| e.to_string())?;
     if coarse.coords() != coords_of(&input.tensors, "out.k3s2p1_coords")? {
         return Err("the sites of kernel 3, stride 2, padding 1 differ".into());
     }
-    let y = convolve(&x, variable(&input.tensors, "w.k3s2p1")?.as_tensor(), &Arc::new(map)).map_err(failed)?;
+    let y = convolve(&x, &weights("w.k3s2p1")?, None, &Arc::new(map), false).map_err(failed)?;
     input.check("out.k3s2p1", &y, VALUES)
 }

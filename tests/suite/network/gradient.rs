@@ -3,21 +3,23 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use candle_core::{DType, Device, Tensor, Var};
+use candle_core::{DType, Tensor, Var};
 use candle_nn::VarBuilder;
 use candle_nn::var_builder::SimpleBackend;
 use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::loss::LossWeights;
-use lgs_engine::loss::op::LossOp;
 use lgs_engine::network::heads::{HeadSizes, Outputs};
 use lgs_engine::network::levels::{Levels, voxels_of};
-use lgs_engine::network::normalise::{INITIAL_INPUTS, initial_rows, with_residuals};
+use lgs_engine::network::normalise::{INITIAL_INPUTS, LeftOut, initial_rows, residual_gradients};
 use lgs_engine::network::pass::Pass;
 use lgs_engine::network::query::Query;
 use lgs_engine::network::unet::UNetConfig;
 use lgs_engine::network::weights::{RandomWeights, Recorder};
+use lgs_engine::objective::objective;
+use lgs_engine::ops::DEVICE;
 use lgs_engine::ops::knn::nearest_other_time;
-use lgs_engine::render::op::RenderOp;
+use lgs_engine::ops::tensors::of_rows;
+use lgs_engine::predict::add_outputs;
 use lgs_engine::views::View;
 use lgs_tests::random::Random;
 use lgs_tests::slopes::Slopes;
@@ -57,7 +59,7 @@ struct Path {
     scene: GaussianSet,
     levels: Levels,
     neighbours: Arc<Vec<u32>>,
-    view: Arc<View>,
+    view: View,
 }
 
 fn failed(error: impl std::fmt::Display) -> Failed {
@@ -68,8 +70,12 @@ impl Path {
     fn new() -> Result<Self, Failed> {
         let config = UNetConfig { stem: 8, encoder: vec![8, 12], decoder: vec![12, 8] };
         let build = |vb: &VarBuilder<'_>| {
-            let heads =
-                HeadSizes { features: config.width(), own: INITIAL_INPUTS, hidden: None, outputs: Outputs::Moving };
+            let heads = HeadSizes {
+                features: config.width(),
+                point_inputs: INITIAL_INPUTS,
+                hidden: None,
+                outputs: Outputs::Moving,
+            };
             let pass = Pass::new(INITIAL_INPUTS, &config, &heads, &vb.pp("pass"))?;
             candle_core::Result::Ok((pass, Query::new(config.width(), &vb.pp("query"))?))
         };
@@ -79,11 +85,11 @@ impl Path {
         for spec in &specs {
             let seeded = RandomWeights { seed: 5 };
             let shape = spec.shape.clone().into();
-            let drawn = seeded.get(shape, &spec.name, spec.init, DType::F32, &Device::Cpu).map_err(failed)?;
+            let drawn = seeded.get(shape, &spec.name, spec.init, DType::F32, &DEVICE).map_err(failed)?;
             // Heads and query start at zero, where their inputs have no gradient.
             let start = if spec.name.contains("heads") || spec.name.contains("query") {
                 let values: Vec<f32> = (0..spec.len()).map(|_| 0.03 * random.normal_single()).collect();
-                Tensor::from_vec(values, spec.shape.clone(), &Device::Cpu).map_err(failed)?
+                Tensor::from_vec(values, spec.shape.clone(), &DEVICE).map_err(failed)?
             } else {
                 drawn
             };
@@ -91,7 +97,7 @@ impl Path {
         }
         let tensors: HashMap<String, Tensor> =
             variables.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone())).collect();
-        let (pass, query) = build(&VarBuilder::from_tensors(tensors, DType::F32, &Device::Cpu)).map_err(failed)?;
+        let (pass, query) = build(&VarBuilder::from_tensors(tensors, DType::F32, &DEVICE)).map_err(failed)?;
         let scene = scene(&mut random);
         let points: Vec<[f32; 3]> = scene.attributes.iter().map(|a| [a[0], a[1], a[2]]).collect();
         let voxels = voxels_of(points.iter().copied(), VOXEL).map_err(failed)?;
@@ -99,30 +105,27 @@ impl Path {
         let neighbours = Arc::new(nearest_other_time(&points, &scene.frames, 8).map_err(failed)?.indices);
         let view = enlarged(view(&mut random), &mut random);
         variables.retain(|(name, _)| !name.contains("running"));
-        Ok(Self { variables, pass, query, scene, levels, neighbours, view: Arc::new(view) })
+        Ok(Self { variables, pass, query, scene, levels, neighbours, view })
     }
 
+    /// The loss as training computes it, carried back as training does it: as a scalar with that gradient.
     fn loss(&self) -> candle_core::Result<Tensor> {
         let all: Vec<usize> = (0..self.scene.len()).collect();
-        let own = initial_rows(&self.scene, &all);
-        let means = self.levels.mean_of_points(&own, INITIAL_INPUTS);
-        let rows = Tensor::from_vec(means, (self.levels.sites.len(), INITIAL_INPUTS), &Device::Cpu)?;
+        let rows = of_rows(initial_rows(&self.scene, &all), INITIAL_INPUTS)?;
         let features = self.pass.features(&rows, &self.levels, true)?;
-        let fused = self.query.forward(&features, &self.neighbours, 8)?;
-        let own = Tensor::from_vec(own, (self.scene.len(), INITIAL_INPUTS), &Device::Cpu)?;
-        let outputs = self.pass.heads().forward(&fused, &own)?;
-        let n = self.scene.len();
-        let attributes = Tensor::from_vec(self.scene.attributes.concat(), (n, 14), &Device::Cpu)?;
-        let velocities = Tensor::zeros((n, 3), DType::F32, &Device::Cpu)?;
-        let [attributes, velocities] = with_residuals(&attributes, &velocities, &outputs)?;
-        let op = RenderOp {
-            view: self.view.pinhole,
-            times: Arc::new(self.scene.times.clone()),
-            num_lidar: n,
-            background: [0.1, 0.2, 0.3],
-        };
-        let image = op.render(&attributes, &velocities)?;
-        LossOp { view: self.view.clone(), weights: LossWeights::default() }.loss(&image)
+        let fused = self.query.forward(features, &self.neighbours, 8)?;
+        let outputs = self.pass.heads().forward(&fused, &rows)?;
+        let mut predicted = self.scene.clone();
+        let spoilt = add_outputs(&mut predicted, &all, &outputs).map_err(candle_core::Error::wrap)?;
+        if spoilt != LeftOut::default() {
+            candle_core::bail!("expected outputs for all Gaussians, found {spoilt:?}");
+        }
+        let found = objective(&predicted, &[&self.view], &LossWeights::default());
+        let width = outputs.dim(1)?;
+        let v_outputs = of_rows(residual_gradients(&self.scene, &all, &found.gradient, width), width)?;
+        let carried = (outputs * v_outputs)?.sum_all()?;
+        let loss = Tensor::new(found.loss, &DEVICE)?.to_dtype(DType::F32)?;
+        loss + (&carried - carried.detach())?
     }
 }
 

@@ -1,7 +1,9 @@
 //! What the refinement leaves out, and that the result is what it would be without leaving it out.
 
+use std::sync::Arc;
+
+use candle_core::Tensor;
 use lgs_engine::gaussians::GaussianSet;
-use lgs_engine::network::buffers::Buffers;
 use lgs_engine::objective::objective;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::predict::{QuerySkipped, backbone, query};
@@ -218,7 +220,7 @@ fn single_timestamp() -> Outcome {
     let mut set = start().0;
     set.times.fill(0.3);
     let mut features = backbone(&set, &model).map_err(failed)?;
-    let before = features.rows.clone();
+    let before = features.copy().map_err(failed)?;
     let skipped = query(&mut features, &set, &model).map_err(failed)?;
     if skipped != Some(QuerySkipped::SingleTimestamp) {
         return Err(format!("expected a skipped query, found {skipped:?}").into());
@@ -227,6 +229,7 @@ fn single_timestamp() -> Outcome {
     let k = model.config.query.as_ref().map_or(0, |query| query.neighbours);
     let neighbours = nearest_other_time(&points, &vec![0; points.len()], k).map_err(failed)?;
     let asked = model.query.as_ref().ok_or("the model has no query")?;
-    let fused = asked.forward(&before, &neighbours.indices, k, &mut Buffers::default());
-    same_bits("features", &features.rows, &fused)
+    let fused = asked.forward(before, &Arc::new(neighbours.indices), k).map_err(failed)?;
+    let rows = |t: &Tensor| t.flatten_all().and_then(|t| t.to_vec1::<f32>()).map_err(failed);
+    same_bits("features", &rows(&features)?, &rows(&fused)?)
 }

@@ -172,8 +172,8 @@ fn said_by(path: &Path) -> Result<Vec<f32>, Failed> {
     let start = set.clone();
     let mut features = backbone(&set, &model).map_err(failed)?;
     query(&mut features, &set, &model).map_err(failed)?;
-    predict(&mut set, &mut features, &model).map_err(failed)?;
-    let [prune, add] = scores(&mut features, &set, &model).map_err(failed)?.ok_or("the model has no policy")?;
+    predict(&mut set, &features, &model).map_err(failed)?;
+    let [prune, add] = scores(&features, &set, &model).map_err(failed)?.ok_or("the model has no policy")?;
     let moved = set.attributes.as_flattened().iter().zip(start.attributes.as_flattened()).map(|(a, b)| a - b);
     Ok(moved.chain(set.velocities.concat()).chain(prune).chain(add).collect())
 }
@@ -189,7 +189,10 @@ fn a_file_is_what_was_saved() -> Outcome {
         return Err(format!("config {:?}, digest {:?}", loaded.model.config, loaded.digest).into());
     }
     let set = scene(&mut Random::new(7));
-    let rows = |model| backbone(&set, model).map(|features| features.rows).map_err(failed);
+    let rows = |model| -> Result<Vec<f32>, Failed> {
+        let features = backbone(&set, model).map_err(failed)?;
+        features.flatten_all().and_then(|t| t.to_vec1()).map_err(failed)
+    };
     same_bits("features", &rows(&loaded.model)?, &rows(&weights.model()?)?)
 }
 

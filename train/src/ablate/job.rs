@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lgs_engine::{evaluate::lpips::Lpips, network::model::FoldedModel};
+use lgs_engine::{evaluate::lpips::Lpips, network::model::Model};
 use lgs_formats::{error::FormatError, write::write_atomic};
 use serde::Serialize;
 
@@ -41,7 +41,7 @@ pub struct Job<'a> {
     /// Clips that stand for themselves; they are measured first.
     pub clips: Vec<Choice>,
     /// The network.
-    pub model: Hashed<'a, FoldedModel>,
+    pub model: Hashed<'a, Model>,
     /// The perceptual distance.
     pub lpips: Option<Hashed<'a, Lpips>>,
     /// What is measured on a clip.

@@ -5,7 +5,7 @@ use std::time::Instant;
 use lgs_engine::{
     densify::{Density, DensityMap, Limit, Scope, Thresholds, UpdateCounts},
     gaussians::GaussianSet,
-    network::model::FoldedModel,
+    network::model::Model,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
     refine::{
         Turns,
@@ -32,7 +32,7 @@ struct Made {
 /// One clip under measurement.
 struct Bench<'a> {
     subject: &'a Subject<'a>,
-    model: &'a FoldedModel,
+    model: &'a Model,
     settings: &'a Settings,
     start: GaussianSet,
 }
@@ -47,12 +47,7 @@ pub fn num_told(settings: &Settings) -> u64 {
 ///
 /// # Errors
 /// Whatever is wrong with the clip; a scene that draws what is not finite.
-pub fn measure(
-    subject: &Subject<'_>,
-    model: &FoldedModel,
-    causes: Causes,
-    told: &mut dyn FnMut(u64),
-) -> Result<ClipRecord> {
+pub fn measure(subject: &Subject<'_>, model: &Model, causes: Causes, told: &mut dyn FnMut(u64)) -> Result<ClipRecord> {
     let begun = Instant::now();
     let start = subject.start()?.scene;
     let start_seconds = begun.elapsed().as_secs_f64();

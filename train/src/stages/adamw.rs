@@ -37,7 +37,7 @@ pub struct Update {
 }
 
 impl AdamW {
-    /// Nothing seen yet.
+    /// An optimiser that has seen no gradient yet.
     pub fn new(variables: &Variables) -> Self {
         Self { first: variables.zeros(), second: variables.zeros(), updates: 0 }
     }

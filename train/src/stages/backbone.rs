@@ -10,10 +10,12 @@ use lgs_engine::{
     gaussians::{GaussianSet, NUM_ATTRIBUTES, RawGradient},
     loss::LossWeights,
     network::{
+        branch::Branch,
         config::{Guidance, ModelConfig, StepLength},
-        normalise::{add_residuals, residual_gradients},
+        normalise::residual_gradients,
     },
     objective::{Objective, Terms, Wanted, objective, objective_with},
+    predict::add_outputs,
     refine::{lengthen, silence_guide, step_lengths, wanted},
     views::View,
 };
@@ -21,7 +23,7 @@ use rayon::prelude::*;
 
 use super::{
     frozen::FrozenPolicy,
-    passes::{BRANCHES, Branch, Outcome, Passes},
+    passes::{Outcome, Passes},
     sample::Sample,
     settings::{RunSettings, Settings},
     variables::{Values, Variables},
@@ -71,7 +73,7 @@ pub fn compute(
 ) -> Result<Rendered> {
     let model = variables.model()?;
     let batch_statistics = settings.calibrates(sample.step);
-    let passes = Passes { model: &model, config: variables.config(), batch_statistics };
+    let passes = Passes { model: &model, batch_statistics };
     let mut gradients = variables.zeros();
     let (inputs, targets): (Vec<&View>, Vec<&View>) = (sample.inputs.iter().collect(), sample.targets.iter().collect());
     let config = variables.config();
@@ -124,7 +126,7 @@ pub fn compute(
 
 /// The outcomes of both branches, which run side by side: one's serial parts do not hold up the other.
 fn outcomes(run: impl Fn(Branch) -> Result<Option<Outcome>> + Sync) -> Result<Vec<Outcome>> {
-    let [first, second] = BRANCHES;
+    let [first, second] = Branch::ALL;
     let (first, second) = rayon::join(|| run(first), || run(second));
     Ok([first?, second?].into_iter().flatten().collect())
 }
@@ -133,7 +135,7 @@ fn updated(set: &GaussianSet, outcomes: &[Outcome]) -> Result<GaussianSet> {
     let mut updated = set.clone();
     for outcome in outcomes {
         // Seen in the loss, so that the step changes nothing.
-        let left_out = add_residuals(&mut updated, &outcome.chosen, &outcome.values()?, outcome.width()?);
+        let left_out = add_outputs(&mut updated, &outcome.chosen, &outcome.outputs)?;
         for i in left_out.not_finite.into_iter().chain(left_out.carried_away) {
             (updated.attributes[i], updated.velocities[i]) = ([f32::NAN; NUM_ATTRIBUTES], [f32::NAN; 3]);
         }

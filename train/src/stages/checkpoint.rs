@@ -81,7 +81,7 @@ impl<S: RunSettings> State<S> {
         Ok(Self { settings, step: 0, skipped: 0, variables, average, adam })
     }
 
-    /// Nothing: afterwards `dir` holds the checkpoint and the weights of this state, each written as a whole.
+    /// Writes the checkpoint and the weights of this state into `dir`, each as a whole.
     ///
     /// # Errors
     /// When a file cannot be written.

@@ -3,7 +3,7 @@
 use lgs_engine::{
     densify::{Action, Scores, decide},
     gaussians::GaussianSet,
-    network::{buffers::Buffers, config::ModelConfig, policy::FoldedPolicy},
+    network::{config::ModelConfig, policy::Policy},
     predict::scores_of,
 };
 
@@ -13,7 +13,7 @@ use crate::error::{Result, TrainError};
 /// A policy that is not trained.
 #[derive(Debug)]
 pub struct FrozenPolicy {
-    policy: FoldedPolicy,
+    policy: Policy,
     config: ModelConfig,
 }
 
@@ -44,10 +44,8 @@ impl FrozenPolicy {
         if predicted.num_lidar == 0 {
             return Ok(None);
         }
-        let features = outcome.features.flatten_all()?.to_vec1::<f32>()?;
-        let found = scores_of(&features, predicted, &self.policy, &self.config, &mut Buffers::default())?;
-        let [by_prune, by_add] = found;
-        let scores = Scores { prune: by_prune, add: by_add };
+        let [prune, add] = scores_of(&outcome.features, predicted, &self.policy, &self.config)?;
+        let scores = Scores { prune, add };
         Ok(Some(decide(&scores, thresholds, limit)?))
     }
 }

@@ -1,33 +1,20 @@
 //! One pass of one branch: from the state of its Gaussians to head outputs, and back from the gradient by them.
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use lgs_engine::{
     gaussians::GaussianSet,
     network::{
-        config::ModelConfig,
-        guide::{refine_inputs, refine_rows},
-        levels::{Levels, voxels_of},
-        model::{BACKGROUND_INITIAL_INPUTS, Model},
+        branch::Branch,
+        model::Model,
         normalise::{INITIAL_INPUTS, initial_rows},
     },
     objective::Objective,
-    predict::{other_time_neighbours, positions},
-    refine::guide,
+    ops::tensors::of_rows,
+    predict::other_time_neighbours,
+    refine::StepInputs,
 };
 
 use crate::error::Result;
-
-/// A branch of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Branch {
-    /// One Gaussian per return; it moves.
-    Lidar,
-    /// Static Gaussians behind it.
-    Background,
-}
-
-/// Both branches, in the order of the set.
-pub(crate) const BRANCHES: [Branch; 2] = [Branch::Lidar, Branch::Background];
 
 /// Head outputs of some Gaussians, with the way back.
 #[derive(Debug)]
@@ -44,18 +31,7 @@ pub(crate) struct Outcome {
 #[derive(Debug)]
 pub(crate) struct Passes<'a> {
     pub(crate) model: &'a Model,
-    pub(crate) config: &'a ModelConfig,
     pub(crate) batch_statistics: bool,
-}
-
-impl Branch {
-    /// Indices of the branch in the set.
-    pub(crate) fn range(self, set: &GaussianSet) -> std::ops::Range<usize> {
-        match self {
-            Self::Lidar => 0..set.num_lidar,
-            Self::Background => set.num_lidar..set.len(),
-        }
-    }
 }
 
 impl Outcome {
@@ -64,14 +40,9 @@ impl Outcome {
         Ok(self.outputs.dim(1)?)
     }
 
-    /// The outputs, `[n * width]`.
-    pub(crate) fn values(&self) -> Result<Vec<f32>> {
-        Ok(self.outputs.flatten_all()?.to_vec1()?)
-    }
-
     /// A scalar whose gradient by the parameters is that of the loss whose gradient by the outputs is `v_outputs`.
     pub(crate) fn carry(&self, v_outputs: Vec<f32>) -> Result<Tensor> {
-        let v_outputs = Tensor::from_vec(v_outputs, self.outputs.shape(), &Device::Cpu)?;
+        let v_outputs = of_rows(v_outputs, self.width()?)?;
         Ok((&self.outputs * v_outputs)?.sum_all()?)
     }
 }
@@ -83,22 +54,17 @@ impl Passes<'_> {
         if chosen.is_empty() {
             return Ok(None);
         }
-        let (pass, cin) = match branch {
-            Branch::Lidar => (&self.model.initial, INITIAL_INPUTS),
-            Branch::Background => (&self.model.background_initial, BACKGROUND_INITIAL_INPUTS),
-        };
-        let levels = self.levels(set, &chosen, branch)?;
-        let own = initial_rows(set, &chosen);
-        let rows = voxel_rows(&levels, &own, cin)?;
+        let (model, pass) = (self.model, self.model.initial_of(branch));
+        let levels = model.levels(&model.voxels(set, &chosen, branch)?, branch)?;
+        let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
         let mut features = pass.features(&rows, &levels, self.batch_statistics)?;
         if branch == Branch::Lidar
-            && let (Some(query), Some(config)) = (&self.model.query, &self.config.query)
+            && let (Some(query), Some(config)) = (&model.query, &model.config.query)
             && let Some(neighbours) = other_time_neighbours(set, config.neighbours)?
         {
-            features = query.forward(&features, &neighbours.indices.into(), config.neighbours)?;
+            features = query.forward(features, &neighbours.indices.into(), config.neighbours)?;
         }
-        let own = Tensor::from_vec(own, (chosen.len(), cin), &Device::Cpu)?;
-        Ok(Some(Outcome { outputs: pass.heads().forward(&features, &own)?, features, chosen }))
+        Ok(Some(Outcome { outputs: pass.heads().forward(&features, &rows)?, features, chosen }))
     }
 
     /// A refinement step of the Gaussians of a branch that are `seen`; `None` when there is none.
@@ -107,33 +73,9 @@ impl Passes<'_> {
         if chosen.is_empty() {
             return Ok(None);
         }
-        let moving = branch == Branch::Lidar;
-        let pass = if moving { &self.model.refine } else { &self.model.background_refine };
-        let levels = self.levels(set, &chosen, branch)?;
-        let rows = refine_rows(set, guide(before, self.config.guidance), &chosen, moving);
-        let voxel_rows = voxel_rows(&levels, &rows.inputs, refine_inputs(self.config.guidance, moving))?;
-        let by_point = |rows: Vec<f32>| {
-            let width = rows.len() / chosen.len();
-            Tensor::from_vec(rows, (chosen.len(), width), &Device::Cpu)
-        };
-        let features = if pass.heads().read_own() {
-            pass.features(&voxel_rows, &levels, self.batch_statistics)?
-        } else {
-            pass.features_with_own(&voxel_rows, &by_point(rows.own)?, &levels, self.batch_statistics)?
-        };
-        let outputs = pass.heads().forward(&features, &by_point(rows.inputs)?)?;
+        let levels = self.model.levels(&self.model.voxels(set, &chosen, branch)?, branch)?;
+        let inputs = StepInputs { set, objective: before, seen: &chosen, levels: &levels };
+        let [features, outputs] = inputs.outputs(self.model, branch, self.batch_statistics)?;
         Ok(Some(Outcome { outputs, features, chosen }))
     }
-
-    fn levels(&self, set: &GaussianSet, chosen: &[usize], branch: Branch) -> Result<Levels> {
-        let (size, unet) = match branch {
-            Branch::Lidar => (self.config.voxel_size, &self.config.unet),
-            Branch::Background => (self.config.background_voxel_size, &self.config.background_unet),
-        };
-        Ok(Levels::new(&voxels_of(positions(set, chosen), size)?, unet.num_levels())?)
-    }
-}
-
-fn voxel_rows(levels: &Levels, rows: &[f32], cin: usize) -> Result<Tensor> {
-    Ok(Tensor::from_vec(levels.mean_of_points(rows, cin), (levels.sites.len(), cin), &Device::Cpu)?)
 }

@@ -13,7 +13,7 @@ use crate::{
 /// At most so many points a curve: more rows are averaged in groups, so that noise does not hide the course.
 const POINTS: usize = 200;
 
-/// Nothing: afterwards `file` shows the `columns` of the table over its first one. A table without two rows of values makes no picture.
+/// Draws the `columns` of the table over its first one into `file`. A table without two rows of values makes no picture.
 ///
 /// # Errors
 /// When the picture cannot be drawn or written.

@@ -48,7 +48,7 @@ impl Table {
         &self.rows
     }
 
-    /// Nothing: afterwards the file holds the table.
+    /// Writes the table into its file.
     ///
     /// # Errors
     /// When the file cannot be written.

@@ -96,7 +96,7 @@ impl Task for Rendering {
         if self.validation.is_empty() {
             return Ok(None);
         }
-        let model = model.model()?.fold(model.config())?;
+        let model = model.model()?.fold()?;
         let score = mean_score(&self.validation, &model, settings.refine_steps, settings.update())?;
         Ok(Some([vec![score.start], score.after].concat()))
     }

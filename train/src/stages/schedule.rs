@@ -34,7 +34,7 @@ impl Schedule {
         self.peak * (FLOOR + (1.0 - FLOOR) * 0.5 * (1.0 + cosine))
     }
 
-    /// Nothing.
+    /// Fails when a value is out of its range.
     ///
     /// # Errors
     /// The first value out of its range.

@@ -49,7 +49,7 @@ pub trait RunSettings: Clone + std::fmt::Debug + PartialEq + Serialize + Deseria
     /// The schedule, to lengthen a run.
     fn schedule_mut(&mut self) -> &mut Schedule;
 
-    /// Nothing.
+    /// Fails when a value is out of its range.
     ///
     /// # Errors
     /// The first value out of its range.
@@ -118,7 +118,7 @@ impl Settings {
 }
 
 impl Optimisation {
-    /// Nothing.
+    /// Fails when a value is out of its range.
     ///
     /// # Errors
     /// The first value out of its range.

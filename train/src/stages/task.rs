@@ -46,7 +46,7 @@ pub trait Task: Sync {
     /// What a step is computed from.
     type Sample: Send;
 
-    /// Nothing.
+    /// Fails when something that is measured on is also trained on.
     ///
     /// # Errors
     /// When something that is measured on is also trained on.

@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc};
 use lgs_engine::{
     densify::{Scores, apply, decide},
     gaussians::{GaussianSet, background::Mode},
-    network::model::FoldedModel,
+    network::model::Model,
     pipeline::{Flags, HoldOut, Opening, Run, Session, Silent, Watch},
     predict::{backbone, predict, query, scores},
     refine::refine,
@@ -58,14 +58,14 @@ impl ValidationClip {
     ///
     /// # Errors
     /// When a position leaves the voxel grid, or a scene draws a value that is not finite.
-    pub fn score(&self, model: &FoldedModel, refine_steps: usize, update: Option<SetUpdate>) -> Result<Score> {
+    pub fn score(&self, model: &Model, refine_steps: usize, update: Option<SetUpdate>) -> Result<Score> {
         let mut set = self.start.clone();
         let start = self.psnr(&set)?;
         let mut features = backbone(&set, model)?;
         query(&mut features, &set, model)?;
-        predict(&mut set, &mut features, model)?;
+        predict(&mut set, &features, model)?;
         if let Some((thresholds, limit)) = update
-            && let Some([prune, add]) = scores(&mut features, &set, model)?
+            && let Some([prune, add]) = scores(&features, &set, model)?
         {
             set = apply(&set, &decide(&Scores { prune, add }, thresholds, limit)?, 0)?;
         }
@@ -89,12 +89,12 @@ impl ValidationClip {
 /// As [`ValidationClip::score`].
 pub fn mean_score(
     clips: &[ValidationClip],
-    model: &FoldedModel,
+    model: &Model,
     refine_steps: usize,
     update: Option<SetUpdate>,
 ) -> Result<Score> {
     let score = |clip: &ValidationClip| clip.score(model, refine_steps, update);
     let scores: Vec<Score> = clips.iter().map(score).collect::<Result<_>>()?;
-    let mean = |of: &dyn Fn(&Score) -> f64| scores.iter().map(of).sum::<f64>() / scores.len().max(1) as f64;
+    let mean = |value: &dyn Fn(&Score) -> f64| scores.iter().map(value).sum::<f64>() / scores.len().max(1) as f64;
     Ok(Score { start: mean(&|s| s.start), after: (0..=refine_steps).map(|k| mean(&|s| s.after[k])).collect() })
 }

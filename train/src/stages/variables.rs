@@ -2,12 +2,15 @@
 
 use std::collections::HashMap;
 
-use candle_core::{DType, Device, Tensor, Var, backprop::GradStore};
+use candle_core::{DType, Tensor, Var, backprop::GradStore};
 use candle_nn::{VarBuilder, var_builder::SimpleBackend};
-use lgs_engine::network::{
-    config::ModelConfig,
-    model::Model,
-    weights::{RandomWeights, TensorSpec},
+use lgs_engine::{
+    network::{
+        config::ModelConfig,
+        model::Model,
+        weights::{RandomWeights, TensorSpec},
+    },
+    ops::DEVICE,
 };
 
 use crate::error::Result;
@@ -32,7 +35,7 @@ impl Variables {
         let specs = Model::tensors(config)?;
         let draw = |spec: &TensorSpec| {
             let shape = spec.shape.clone().into();
-            let drawn = RandomWeights { seed }.get(shape, &spec.name, spec.init, DType::F32, &Device::Cpu)?;
+            let drawn = RandomWeights { seed }.get(shape, &spec.name, spec.init, DType::F32, &DEVICE)?;
             Var::from_tensor(&drawn)
         };
         let vars = specs.iter().map(draw).collect::<candle_core::Result<_>>()?;
@@ -68,7 +71,7 @@ impl Variables {
     pub fn model(&self) -> Result<Model> {
         let named = self.specs.iter().zip(&self.vars).map(|(spec, var)| (spec.name.clone(), var.as_tensor().clone()));
         let tensors: HashMap<String, Tensor> = named.collect();
-        Ok(Model::new(&self.config, &VarBuilder::from_tensors(tensors, DType::F32, &Device::Cpu))?)
+        Ok(Model::new(&self.config, &VarBuilder::from_tensors(tensors, DType::F32, &DEVICE))?)
     }
 
     /// The values of all tensors.
@@ -84,7 +87,7 @@ impl Variables {
     /// # Errors
     /// When their number is another.
     pub fn set(&self, k: usize, values: Vec<f32>) -> Result<()> {
-        Ok(self.vars[k].set(&Tensor::from_vec(values, self.specs[k].shape.clone(), &Device::Cpu)?)?)
+        Ok(self.vars[k].set(&Tensor::from_vec(values, self.specs[k].shape.clone(), &DEVICE)?)?)
     }
 
     /// Adds gradients to `sums`; a tensor without one adds nothing.

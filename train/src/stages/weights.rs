@@ -2,14 +2,17 @@
 
 use std::{borrow::Cow, collections::HashMap, path::Path};
 
-use candle_core::{DType, Device};
+use candle_core::DType;
 use candle_nn::var_builder::SimpleBackend;
 use half::f16;
-use lgs_engine::network::{
-    config::ModelConfig,
-    model::Model,
-    source::CONFIG_KEY,
-    weights::{TensorSpec, WeightFile},
+use lgs_engine::{
+    network::{
+        config::ModelConfig,
+        model::Model,
+        source::CONFIG_KEY,
+        weights::{TensorSpec, WeightFile},
+    },
+    ops::DEVICE,
 };
 use lgs_formats::write::write_atomic;
 use safetensors::{Dtype, View};
@@ -90,16 +93,15 @@ impl StartWeights {
         let config = ModelConfig::parse(file.metadata(CONFIG_KEY)?, path)?;
         let specs = Model::tensors(&config)?;
         file.check(&specs)?;
-        let value = |spec: &TensorSpec| {
-            file.get_unchecked(&spec.name, DType::F32, &Device::Cpu)?.flatten_all()?.to_vec1::<f32>()
-        };
+        let value =
+            |spec: &TensorSpec| file.get_unchecked(&spec.name, DType::F32, &DEVICE)?.flatten_all()?.to_vec1::<f32>();
         let values: Values = specs.iter().map(value).collect::<candle_core::Result<_>>()?;
         let variables = Variables::with_values(&config, &values)?;
         Ok(Self { variables, sha256: file.sha256().to_owned() })
     }
 }
 
-/// Nothing: afterwards `path` holds the weights as inference loads them.
+/// Writes the weights into `path`, as inference loads them.
 ///
 /// # Errors
 /// When a value is too large for its bits, or the file cannot be written.

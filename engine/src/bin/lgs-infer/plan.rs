@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
-    network::{model::FoldedModel, source::ModelSource},
+    network::{model::Model, source::ModelSource},
     pipeline::{Begun, Deadline, Reconstruction, Run, Stage, Watch},
     plan::{Budget, ClipWork, Record, choose},
     recipe::Recipe,
@@ -27,7 +27,7 @@ pub(crate) struct Plan {
 
 impl Plan {
     /// What runs. Steps of per-scene optimisation that only time decides on are the deadline's: recorded times are those without.
-    pub(crate) fn run<'a>(&self, model: Option<&'a FoldedModel>, seed: u64) -> Run<'a> {
+    pub(crate) fn run<'a>(&self, model: Option<&'a Model>, seed: u64) -> Run<'a> {
         let chosen = self.budget.as_ref().map(|budget| &budget.chosen);
         let adam_steps = chosen.map_or(self.recipe.adam_steps, |chosen| chosen.most_adam_steps);
         let adam_step_s = chosen.map_or(0.0, |chosen| chosen.adam_step_s);

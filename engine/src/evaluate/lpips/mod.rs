@@ -9,11 +9,14 @@ mod weights;
 
 use std::path::Path;
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use lgs_formats::image::RgbImage;
 use rayon::prelude::*;
 
-use crate::error::{EngineError, Result};
+use crate::{
+    error::{EngineError, Result},
+    ops::DEVICE,
+};
 use weights::WeightReader;
 
 /// Smallest side of an image, pixels, for which the third pooling of the trunk still has an input.
@@ -127,7 +130,7 @@ impl Lpips {
             values.map(|v| (2.0 * v - 1.0 - self.shift[c]) / self.scale[c]).collect()
         };
         let planes: Vec<f32> = [a, b].into_iter().flat_map(|i| (0..3).flat_map(move |c| channel(i, c))).collect();
-        Ok(Tensor::from_vec(planes, (2, 3, a.height, a.width), &Device::Cpu)?)
+        Ok(Tensor::from_vec(planes, (2, 3, a.height, a.width), &DEVICE)?)
     }
 
     /// The seven compared features, each `[2, C, h, w]`.
@@ -157,8 +160,8 @@ fn convolution(
     let bias = reader.values(&format!("{name}.bias"), &[out]);
     let padding = if stride == 1 { side / 2 } else { 0 };
     Ok(Convolution {
-        weight: Tensor::from_vec(weight, (out, input, side, side), &Device::Cpu)?,
-        bias: Tensor::from_vec(bias, (1, out, 1, 1), &Device::Cpu)?,
+        weight: Tensor::from_vec(weight, (out, input, side, side), &DEVICE)?,
+        bias: Tensor::from_vec(bias, (1, out, 1, 1), &DEVICE)?,
         padding,
         stride,
     })

@@ -115,11 +115,11 @@ fn origins(sites: &Sites, num_stages: usize) -> Vec<[i32; 3]> {
 
 /// Coordinates of a stage's voxels from the origin of their cloud on.
 fn relative(sites: &Sites, origins: &[[i32; 3]], shift: u32) -> Vec<[i32; 4]> {
-    let of = |&[batch, x, y, z]: &[i32; 4]| {
+    let relative_to = |&[batch, x, y, z]: &[i32; 4]| {
         let [ox, oy, oz] = origins[usize::try_from(batch).unwrap_or(0)].map(|c| c >> shift);
         [batch, x - ox, y - oy, z - oz]
     };
-    sites.coords().par_iter().with_min_len(1 << 14).map(of).collect()
+    sites.coords().par_iter().with_min_len(1 << 14).map(relative_to).collect()
 }
 
 /// Number of voxels of every cloud.

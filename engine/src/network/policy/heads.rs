@@ -4,14 +4,15 @@ use candle_core::{Result, Tensor};
 use candle_nn::VarBuilder;
 
 use super::config::PolicyConfig;
-use super::layers::{LayerNorm, Linear};
-use crate::ops::activation::gelu;
+use crate::network::linear::{Linear, by_pieces};
+use crate::network::norm::LayerNorm;
+use crate::ops::activation::gelu_owned;
 
 /// Hidden blocks of a dense layer, normalisation and GELU, then one value.
 #[derive(Clone, Debug)]
 pub(super) struct Head {
-    pub(super) blocks: Vec<(Linear, LayerNorm)>,
-    pub(super) last: Linear,
+    blocks: Vec<(Linear, LayerNorm)>,
+    last: Linear,
 }
 
 impl Head {
@@ -30,10 +31,18 @@ impl Head {
 
     /// The score before the sigmoid, `[M, C]` to `[M, 1]`.
     pub(super) fn forward(&self, x: &Tensor) -> Result<Tensor> {
-        let mut x = x.clone();
-        for (linear, norm) in &self.blocks {
-            x = gelu(&norm.forward(&linear.forward(&x)?)?)?;
-        }
-        self.last.forward(&x)
+        by_pieces([x], |[x]| {
+            let mut x = x.clone();
+            for (linear, norm) in &self.blocks {
+                x = gelu_owned(norm.forward(&linear.forward(&x)?)?)?;
+            }
+            self.last.forward(&x)
+        })
+    }
+
+    /// The head as inference runs it.
+    pub(super) fn fold(&self) -> Result<Self> {
+        let blocks = self.blocks.iter().map(|(linear, norm)| Ok((linear.fold()?, norm.clone())));
+        Ok(Self { blocks: blocks.collect::<Result<_>>()?, last: self.last.fold()? })
     }
 }

@@ -1,27 +1,24 @@
 //! Gaussian Densify Policy: a Point Transformer V3 over the voxels and two heads that score pruning and adding.
 //!
-//! The trainable form ([`Policy`]) is made of operations with exact gradients; the folded form ([`FoldedPolicy`]) runs the same kernels on
-//! plain slices, with normalisation folded away and each block in two passes over memory. Tensor names are those of the reference
-//! implementation.
+//! Made of operations with exact gradients. Folded, normalisation is part of the weights and each block runs in two passes over memory, to the
+//! bit the same. Tensor names are those of the reference implementation.
 //!
 //! # Source
 //! Wu et al., Point Transformer V3, CVPR 2024: without flash attention, orders not shuffled. The paper, section 3.2.
 
 mod block;
 mod config;
-mod folded;
 mod geometry;
 mod heads;
-mod layers;
 mod resample;
 
 use candle_core::{Result, Tensor};
 use candle_nn::VarBuilder;
 
 pub use config::{Cycle, PolicyConfig, StageConfig};
-pub use folded::{FoldedPolicy, Observer as FoldedObserver};
 pub use geometry::Geometry;
 
+use crate::ops::segment::add_gathered;
 use block::Block;
 use geometry::Stage;
 use heads::Head;
@@ -30,7 +27,7 @@ use resample::{Down, Stem, Up};
 /// Inputs beside the backbone's features: normalised position 3, rotation 4, scale 3, opacity 1, colour 3, voxel density 1.
 pub const EXTRA_INPUTS: usize = 15;
 
-/// The trainable policy.
+/// The policy.
 #[derive(Clone, Debug)]
 pub struct Policy {
     stem: Stem,
@@ -97,13 +94,13 @@ impl Policy {
         })
     }
 
-    /// Scores of the voxels, differentiable: the probabilities of pruning and of adding.
+    /// Scores of the voxels: the probabilities of pruning and of adding.
     ///
     /// # Shapes
     /// `features` `[M, inputs]` of the finest voxels; result `[M, 2]`, each in 0..1.
     ///
     /// # Gradient
-    /// By the features and all parameters; the geometry is constant.
+    /// By the features and all parameters; the geometry is constant. A folded policy has none.
     ///
     /// # Errors
     /// When a shape does not fit the geometry.
@@ -113,7 +110,7 @@ impl Policy {
         candle_nn::ops::sigmoid(&logits)
     }
 
-    /// Features of the finest voxels, differentiable; `observer` is told those of every stage on the way.
+    /// Features of the finest voxels; `observer` is told those of every stage on the way.
     ///
     /// # Shapes
     /// `features` `[M, inputs]`; result `[M, channels of the finest stage]`.
@@ -138,12 +135,13 @@ impl Policy {
                 x = down.forward(&x, geometry.stages[s - 1].parents()?, train)?;
                 trace.note(&format!("enc{s}.down"), &x)?;
             }
-            x = run(blocks, &self.plan.encoder[s], [x.clone(), x], stage, &format!("enc{s}"), &mut trace)?;
+            x = run((blocks, &self.plan.encoder[s]), (x, None), stage, &format!("enc{s}"), &mut trace)?;
         }
         for (s, ((up, blocks), stage)) in self.decoder.iter().zip(&geometry.stages).enumerate().rev() {
             let Some(skip) = skips.pop() else { continue };
-            let x_and_seen = up.forward(&x, &skip, stage.parents()?, train)?;
-            x = run(blocks, &self.plan.decoder[s], x_and_seen, stage, &format!("dec{s}"), &mut trace)?;
+            let [fine, coarse] = up.forward(&x, &skip, train)?;
+            drop(skip);
+            x = run((blocks, &self.plan.decoder[s]), (fine, Some(coarse)), stage, &format!("dec{s}"), &mut trace)?;
         }
         Ok(x)
     }
@@ -158,31 +156,47 @@ impl Policy {
         candle_core::bail!("policy: expected (voxels, stages) as in the geometry, {expected:?}, found {found:?}")
     }
 
-    /// The form that inference runs.
+    /// The policy as inference runs it, to the bit what it is with running statistics.
     ///
     /// # Errors
     /// When a tensor cannot be read.
-    pub fn fold(&self) -> Result<FoldedPolicy> {
-        FoldedPolicy::new(self)
+    pub fn fold(&self) -> Result<Self> {
+        let blocks = |blocks: &[Block]| blocks.iter().map(Block::fold).collect::<Result<Vec<_>>>();
+        let encoder =
+            self.encoder.iter().map(|(down, stage)| Ok((down.as_ref().map(Down::fold).transpose()?, blocks(stage)?)));
+        let decoder = self.decoder.iter().map(|(up, stage)| Ok((up.fold()?, blocks(stage)?)));
+        Ok(Self {
+            stem: self.stem.fold()?,
+            encoder: encoder.collect::<Result<_>>()?,
+            decoder: decoder.collect::<Result<_>>()?,
+            prune: self.prune.fold()?,
+            add: self.add.fold()?,
+            plan: self.plan.clone(),
+        })
     }
 }
 
-/// Runs the blocks of a stage; the first one's convolution reads `seen`.
+/// Runs the blocks of a stage. `coarse` is added to its children's rows behind the first convolution: so the reference has it.
 fn run(
-    blocks: &[Block],
-    curves: &[usize],
-    [mut x, mut seen]: [Tensor; 2],
+    (blocks, curves): (&[Block], &[usize]),
+    (mut x, mut coarse): (Tensor, Option<Tensor>),
     stage: &Stage,
     name: &str,
     trace: &mut Trace<'_>,
 ) -> Result<Tensor> {
+    let mut add_coarse = |x: Tensor| match coarse.take() {
+        Some(coarse) => add_gathered(x, &coarse, stage.parents()?),
+        None => Ok(x),
+    };
     for (i, (block, &curve)) in blocks.iter().zip(curves).enumerate() {
         trace.path = format!("{name}.block{i}.");
-        x = block.forward([&x, &seen], &stage.conv, stage.along(curve)?, trace)?;
-        seen = x.clone();
+        let position = block.encode(&x, &stage.conv)?;
+        x = add_coarse(x)?;
+        x = block.finish(&x, position, stage.along(curve)?, trace)?;
         trace.path = format!("{name}.");
         trace.note(&format!("block{i}"), &x)?;
     }
+    x = add_coarse(x)?;
     trace.path.clear();
     trace.note(name, &x)?;
     Ok(x)

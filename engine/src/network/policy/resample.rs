@@ -5,48 +5,56 @@ use std::sync::Arc;
 use candle_core::{Result, Tensor};
 use candle_nn::{Init, VarBuilder};
 
-use super::layers::{BatchNorm, Linear};
-use crate::ops::activation::gelu;
-use crate::ops::segment::{Segments, gather, max_pool};
-use crate::ops::sparse_conv::{KernelMap, convolve};
+use crate::network::conv::{ConvNorm, ConvSize};
+use crate::network::linear::Linear;
+use crate::network::norm::BatchNorm;
+use crate::ops::activation::gelu_owned;
+use crate::ops::segment::{Segments, max_pool};
+use crate::ops::sparse_conv::KernelMap;
 
 /// Edge of the stem's kernel.
-pub(super) const STEM_KERNEL: usize = 5;
+const STEM_KERNEL: usize = 5;
+/// Added to the variance of a column (Point Transformer V3's choice).
+const BATCH_EPS: f64 = 1e-3;
 
 /// A 5^3 convolution without bias, normalisation, GELU.
 #[derive(Clone, Debug)]
-pub(super) struct Stem {
-    pub(super) weight: Tensor,
-    pub(super) norm: BatchNorm,
-}
+pub(super) struct Stem(ConvNorm);
 
 /// A dense layer, the largest values of each coarse voxel, normalisation, GELU.
 #[derive(Clone, Debug)]
 pub(super) struct Down {
-    pub(super) linear: Linear,
-    pub(super) norm: BatchNorm,
+    linear: Linear,
+    /// Stands behind the maximum, so it is never part of the layer.
+    norm: BatchNorm,
 }
 
-/// Dense layer, normalisation and GELU of the coarse voxels and of the skipped features; their sum.
+/// Dense layer, normalisation and GELU of the coarse voxels and of the skipped features.
 #[derive(Clone, Debug)]
 pub(super) struct Up {
-    pub(super) coarse: (Linear, BatchNorm),
-    pub(super) skip: (Linear, BatchNorm),
+    coarse: LinearNorm,
+    skip: LinearNorm,
+}
+
+#[derive(Clone, Debug)]
+enum LinearNorm {
+    Parts { linear: Linear, norm: BatchNorm },
+    Folded(Linear),
 }
 
 impl Stem {
     pub(super) fn new(inputs: usize, channels: usize, vb: &VarBuilder<'_>) -> Result<Self> {
-        let reach = 1.0 / ((STEM_KERNEL.pow(3) * inputs) as f64).sqrt();
-        let init = Init::Uniform { lo: -reach, up: reach };
-        let shape = (channels, STEM_KERNEL, STEM_KERNEL, STEM_KERNEL, inputs);
-        Ok(Self {
-            weight: vb.pp("stem.conv").get_with_hints(shape, "weight", init)?,
-            norm: BatchNorm::new(channels, &vb.pp("stem.norm"))?,
-        })
+        let size = ConvSize { kernel: STEM_KERNEL, cin: inputs, cout: channels };
+        let reach = 1.0 / size.fan_in().sqrt();
+        Ok(Self(ConvNorm::new(size, Init::Uniform { lo: -reach, up: reach }, BATCH_EPS, &vb.pp("stem"))?))
     }
 
     pub(super) fn forward(&self, x: &Tensor, map: &Arc<KernelMap>, train: bool) -> Result<Tensor> {
-        gelu(&self.norm.forward(&convolve(x, &self.weight, map)?, train)?)
+        gelu_owned(self.0.forward(x, None, map, train, false)?)
+    }
+
+    pub(super) fn fold(&self) -> Result<Self> {
+        Ok(Self(self.0.fold()?))
     }
 }
 
@@ -54,39 +62,62 @@ impl Down {
     pub(super) fn new(inputs: usize, channels: usize, vb: &VarBuilder<'_>) -> Result<Self> {
         Ok(Self {
             linear: Linear::new(inputs, channels, &vb.pp("proj"))?,
-            norm: BatchNorm::new(channels, &vb.pp("norm.0"))?,
+            norm: BatchNorm::new(channels, BATCH_EPS, &vb.pp("norm.0"))?,
         })
     }
 
     pub(super) fn forward(&self, x: &Tensor, parents: &Arc<Segments>, train: bool) -> Result<Tensor> {
-        gelu(&self.norm.forward(&max_pool(&self.linear.forward(x)?, parents)?, train)?)
+        gelu_owned(self.norm.forward(&max_pool(&self.linear.forward(x)?, parents)?, train)?)
+    }
+
+    pub(super) fn fold(&self) -> Result<Self> {
+        Ok(Self { linear: self.linear.fold()?, norm: self.norm.fold()? })
     }
 }
 
 impl Up {
     pub(super) fn new(inputs: usize, skipped: usize, channels: usize, vb: &VarBuilder<'_>) -> Result<Self> {
-        let branch = |inputs, name: &str| {
-            let vb = vb.pp(name);
-            Ok::<_, candle_core::Error>((
-                Linear::new(inputs, channels, &vb.pp("0"))?,
-                BatchNorm::new(channels, &vb.pp("1"))?,
-            ))
-        };
-        Ok(Self { coarse: branch(inputs, "proj")?, skip: branch(skipped, "proj_skip")? })
+        let part = |inputs, name: &str| LinearNorm::new(inputs, channels, &vb.pp(name));
+        Ok(Self { coarse: part(inputs, "proj")?, skip: part(skipped, "proj_skip")? })
     }
 
-    /// The sum, and the skipped features' part of it, which is all that the convolution behind sees: so the reference has it.
-    pub(super) fn forward(
-        &self,
-        x: &Tensor,
-        skip: &Tensor,
-        parents: &Arc<Segments>,
-        train: bool,
-    ) -> Result<[Tensor; 2]> {
-        let branch =
-            |(linear, norm): &(Linear, BatchNorm), x: &Tensor| gelu(&norm.forward(&linear.forward(x)?, train)?);
-        let skip = branch(&self.skip, skip)?;
-        let sum = (&skip + gather(&branch(&self.coarse, x)?, parents)?)?;
-        Ok([sum, skip])
+    /// The parts of the sum: of the fine voxels and of the coarse ones. The convolution behind sees the former only: so the reference has it.
+    pub(super) fn forward(&self, coarse: &Tensor, skip: &Tensor, train: bool) -> Result<[Tensor; 2]> {
+        Ok([self.skip.forward(skip, train)?, self.coarse.forward(coarse, train)?])
+    }
+
+    pub(super) fn fold(&self) -> Result<Self> {
+        Ok(Self { coarse: self.coarse.fold()?, skip: self.skip.fold()? })
+    }
+}
+
+impl LinearNorm {
+    fn new(inputs: usize, channels: usize, vb: &VarBuilder<'_>) -> Result<Self> {
+        let linear = Linear::new(inputs, channels, &vb.pp("0"))?;
+        Ok(Self::Parts { linear, norm: BatchNorm::new(channels, BATCH_EPS, &vb.pp("1"))? })
+    }
+
+    fn forward(&self, x: &Tensor, train: bool) -> Result<Tensor> {
+        let normalised = match self {
+            Self::Folded(linear) => return gelu_owned(linear.forward(x)?),
+            Self::Parts { linear, norm } if train => norm.by_batch(&linear.forward(x)?)?,
+            Self::Parts { .. } => None,
+        };
+        match normalised {
+            Some(normalised) => gelu_owned(normalised),
+            None => gelu_owned(self.merged()?.forward(x)?),
+        }
+    }
+
+    /// The layer with the running statistics in its weights.
+    fn merged(&self) -> Result<Linear> {
+        match self {
+            Self::Parts { linear, norm } => linear.then_affine(&norm.affine()?),
+            Self::Folded(linear) => Ok(linear.clone()),
+        }
+    }
+
+    fn fold(&self) -> Result<Self> {
+        Ok(Self::Folded(self.merged()?.fold()?))
     }
 }

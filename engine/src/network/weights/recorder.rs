@@ -6,6 +6,8 @@ use candle_core::{DType, Device, Result, Shape, Tensor};
 use candle_nn::var_builder::SimpleBackend;
 use candle_nn::{Init, VarBuilder};
 
+use crate::ops::DEVICE;
+
 /// One tensor of a model.
 #[derive(Clone, Debug)]
 pub struct TensorSpec {
@@ -47,7 +49,7 @@ impl Recorder {
     /// Those of `build`.
     pub fn list<T>(build: impl FnOnce(&VarBuilder<'_>) -> Result<T>) -> Result<Vec<TensorSpec>> {
         let recorder = Self::default();
-        build(&VarBuilder::from_backend(Box::new(recorder.clone()), DType::F32, Device::Cpu))?;
+        build(&VarBuilder::from_backend(Box::new(recorder.clone()), DType::F32, DEVICE))?;
         let specs = recorder.specs.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(specs.clone())
     }

@@ -11,6 +11,7 @@ use safetensors::{Dtype, SafeTensors};
 
 use super::TensorSpec;
 use crate::error::{EngineError, Result};
+use crate::ops::DEVICE;
 
 /// At most so many tensors of one kind of fault are named in one error.
 const MAX_NAMED: usize = 16;
@@ -56,7 +57,7 @@ impl WeightFile {
                 Dtype::BF16 => DType::BF16,
                 other => return Err(fault(name, "dtype F32, F16 or BF16", format!("{other:?}"))),
             };
-            let tensor = Tensor::from_raw_buffer(view.data(), dtype, view.shape(), &Device::Cpu)?;
+            let tensor = Tensor::from_raw_buffer(view.data(), dtype, view.shape(), &DEVICE)?;
             tensors.insert(name.to_owned(), tensor.to_dtype(DType::F32)?);
         }
         let metadata = header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())).collect();

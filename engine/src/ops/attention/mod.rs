@@ -3,6 +3,7 @@
 //! One patch and head at a time: scores, softmax and weighted sums stay in the second-level cache. Groups of patches that share rows are
 //! one piece of work, so every row is written by one thread.
 
+mod block;
 mod cpu;
 mod gradient;
 mod patches;
@@ -12,9 +13,10 @@ use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
 
-pub(crate) use cpu::{Attend, Heads, Scratch};
+pub use block::BlockLayers;
 pub use patches::Patches;
-pub(crate) use patches::{Group, rows_by_group};
+
+use cpu::Heads;
 
 use super::tensors::{slice, with_values};
 

@@ -1,10 +1,11 @@
 //! Dense layers: `x W^T + b` and its gradients.
 //!
-//! The weights are packed into panels, so that the inner loop reads them in a row and keeps its sums in registers; the same kernel serves
-//! the training operation and the fused passes of inference.
+//! The weights are packed into panels, so that the inner loop reads them in a row and keeps its sums in registers. [`linear`] packs them at
+//! every call and knows its gradients; a [`Layer`] is packed once.
 
 mod gradient;
 mod kernel;
+mod layer;
 pub mod reference;
 
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 
 pub use kernel::Packed;
 pub(crate) use kernel::{Product, Rows, Store};
+pub use layer::Layer;
 
 use super::tensors::{slice, with_values};
 
@@ -32,16 +34,27 @@ const BLOCK: usize = 256;
 /// # Errors
 /// When a shape or dtype does not fit.
 pub fn linear(x: &Tensor, weight: &Tensor, bias: &Tensor) -> Result<Tensor> {
-    let ((_, inputs), (outputs, depth)) = (x.dims2()?, weight.dims2()?);
-    if inputs != depth || bias.dims() != [outputs] || inputs == 0 || outputs == 0 {
+    let (outputs, inputs) = checked(weight, bias)?;
+    if x.dims2()?.1 != inputs {
+        candle_core::bail!("linear: expected [N, {inputs}], found {:?}", x.dims());
+    }
+    x.contiguous()?.apply_op3(&weight.contiguous()?, &bias.contiguous()?, Linear { inputs, outputs })
+}
+
+/// `(outputs, inputs)` of a layer whose weights and biases fit.
+///
+/// # Errors
+/// When they do not, or either number is 0.
+fn checked(weight: &Tensor, bias: &Tensor) -> Result<(usize, usize)> {
+    let (outputs, inputs) = weight.dims2()?;
+    if bias.dims() != [outputs] || inputs == 0 || outputs == 0 {
         candle_core::bail!(
-            "linear: expected [N, i], [o, i], [o] with i and o above 0, found {:?}, {:?}, {:?}",
-            x.dims(),
+            "linear: expected [o, i], [o] with i and o above 0, found {:?}, {:?}",
             weight.dims(),
             bias.dims()
         );
     }
-    x.contiguous()?.apply_op3(&weight.contiguous()?, &bias.contiguous()?, Linear { inputs, outputs })
+    Ok((outputs, inputs))
 }
 
 /// `x W^T + b` on slices, in parallel.
@@ -49,6 +62,11 @@ pub fn linear(x: &Tensor, weight: &Tensor, bias: &Tensor) -> Result<Tensor> {
 /// # Shapes
 /// `x` `[N, packed.depth()]`, `bias` `[packed.columns()]` or empty, `out` `[N, packed.columns()]`; lengths are checked by the callers.
 pub fn multiply_into(x: &[f32], packed: &Packed, bias: &[f32], out: &mut [f32]) {
+    multiply(x, (packed, bias), Store::Replace, out);
+}
+
+/// As [`multiply_into`], the product in place of what `out` held or added to it.
+fn multiply(x: &[f32], (packed, bias): (&Packed, &[f32]), store: Store, out: &mut [f32]) {
     let (depth, columns) = (packed.depth(), packed.columns());
     if columns == 0 {
         return;
@@ -57,7 +75,7 @@ pub fn multiply_into(x: &[f32], packed: &Packed, bias: &[f32], out: &mut [f32]) 
     out.par_chunks_mut(BLOCK * columns).enumerate().for_each(|(block, out)| {
         let count = out.len() / columns;
         let rows = Rows { values: &x[block * BLOCK * depth..][..count * depth], stride: depth, count };
-        arch.dispatch(Product { rows, packed, bias, out, out_stride: columns, store: Store::Replace });
+        arch.dispatch(Product { rows, packed, bias, out, out_stride: columns, store });
     });
 }
 

@@ -1,8 +1,10 @@
 //! Against the slow twin and its finite differences.
 
+use std::sync::Arc;
+
 use candle_core::{Device, Tensor, Var};
 
-use super::{linear, reference};
+use super::{Layer, linear, reference};
 use crate::ops::test_support::{assert_close, doubles, values};
 
 fn check(rows: usize, inputs: usize, outputs: usize) {
@@ -14,6 +16,12 @@ fn check(rows: usize, inputs: usize, outputs: usize) {
     let out = linear(&tx, &tw, &tb).unwrap();
     let what = format!("{rows} x {inputs} -> {outputs}");
     assert_close(&what, &out, &reference::linear(&doubles(&x), &doubles(&w), &doubles(&b)), 1e-5);
+    let layer = Arc::new(Layer::new(&tw, &tb).unwrap());
+    let list = |t: &Tensor| t.to_vec2::<f32>().unwrap();
+    assert_eq!(list(&layer.forward(&tx).unwrap()), list(&out), "{what}: packed once");
+    let onto = Tensor::from_slice(&v, (rows, outputs), &Device::Cpu).unwrap();
+    let sum = (&onto + &out).unwrap();
+    assert_eq!(list(&layer.add_to(onto, &tx).unwrap()), list(&sum), "{what}: added");
     let weights = Tensor::from_slice(&v, (rows, outputs), &Device::Cpu).unwrap();
     let grads = (out * weights).unwrap().sum_all().unwrap().backward().unwrap();
     // The loss is linear in each argument: its gradients are products themselves.
@@ -50,4 +58,5 @@ fn refuses_shapes_that_do_not_fit() {
     let bias = t((1, 4)).squeeze(0).unwrap();
     assert!(linear(&t((3, 5)), &t((4, 6)), &bias).is_err());
     assert!(linear(&t((3, 5)), &t((3, 5)), &bias).is_err());
+    assert!(Arc::new(Layer::new(&t((4, 6)), &bias).unwrap()).forward(&t((3, 5))).is_err());
 }

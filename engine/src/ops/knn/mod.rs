@@ -1,11 +1,15 @@
-//! Exact nearest neighbours of every point of a set, in space alone or at other timestamps only.
+//! Exact nearest neighbours of the points of a set.
 //!
-//! Host only: indices have no gradient. The tree is built once per call; leaves are queried in parallel, each result in its own slot.
+//! In space alone `kiddo` searches ([`Space`]). At other timestamps only, and where ties must go by index, a tree of our own does: it skips
+//! what is of one timestamp, and asks for all points of a leaf together. Host only: indices have no gradient.
 
 mod batch;
 mod cpu;
 pub mod reference;
+mod space;
 mod tree;
+
+pub use space::{Near, Space, nearest_in_space};
 
 use crate::error::{EngineError, Result};
 
@@ -27,21 +31,6 @@ impl Neighbours {
         let places = &self.indices[point * self.k..(point + 1) * self.k];
         &places[..places.iter().position(|&j| j == NO_NEIGHBOUR).unwrap_or(self.k)]
     }
-}
-
-/// The `k` nearest other points of every point.
-///
-/// # Shapes
-/// `points` `[N, 3]` f32, any unit; result `[N, k]`.
-///
-/// # Formula
-/// The first `k` indices `j != i` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by index at every place.
-///
-/// # Errors
-/// When a coordinate is not finite or there are 2^32 - 1 points or more.
-pub fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
-    // A point may not find its own group: every point is a group.
-    nearest_other_time(points, &(0..count(points.len())?).collect::<Vec<u32>>(), k)
 }
 
 /// The `k` nearest points at other timestamps of every point.
@@ -68,11 +57,13 @@ pub fn nearest_other_time(points: &[[f32; 3]], time_index: &[u32], k: usize) -> 
 /// `points` `[N, 3]` f32, any unit; `queries` `[M]` indices below N; result `[M, k]`.
 ///
 /// # Formula
-/// Row m is row `queries[m]` of [`nearest`].
+/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by
+/// index at every place.
 ///
 /// # Errors
-/// Those of [`nearest`], and a query beyond the points.
+/// When a coordinate is not finite, there are 2^32 - 1 points or more, or a query lies beyond them.
 pub fn nearest_of(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Neighbours> {
+    // A point may not find its own group: every point is a group.
     nearest_other_time_of(points, &(0..count(points.len())?).collect::<Vec<u32>>(), queries, k)
 }
 
@@ -102,13 +93,18 @@ pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
     (x * x + y * y) + z * z
 }
 
-/// Nothing: as many finite points as groups, and few enough of them.
+/// Fails unless there are as many finite points as groups, and few enough of them.
 fn check(points: &[[f32; 3]], groups: &[u32]) -> Result<()> {
-    count(points.len())?;
     if groups.len() != points.len() {
         let (n, found) = (points.len(), groups.len());
         return Err(candle_core::Error::Msg(format!("time_index: expected {n} values, found {found}")).into());
     }
+    check_points(points)
+}
+
+/// Fails when a point is not finite, or there are too many.
+fn check_points(points: &[[f32; 3]]) -> Result<()> {
+    count(points.len())?;
     for (i, point) in points.iter().enumerate() {
         if let Some(axis) = (0..3).find(|&axis| !point[axis].is_finite()) {
             let what = format!("point {i}, {}", ["x", "y", "z"][axis]);

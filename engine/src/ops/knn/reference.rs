@@ -1,6 +1,6 @@
 //! The slow twin: every pair, sorted.
 
-/// As [`super::nearest_other_time`], from all pairs; `groups[i] = i` gives [`super::nearest`].
+/// As [`super::nearest_other_time`], from all pairs; `groups[i] = i` gives [`super::nearest_of`] of all points.
 pub fn nearest_of_other_groups(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> {
     let square = |a: f32, b: f32| (f64::from(a) - f64::from(b)).powi(2);
     let mut result = Vec::new();

@@ -2,12 +2,18 @@
 
 use std::num::NonZeroUsize;
 
+use crate::error::Result;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use proptest::prelude::*;
 
 use super::{
-    NO_NEIGHBOUR, nearest, nearest_of, nearest_other_time, nearest_other_time_of, reference, squared_distance,
+    NO_NEIGHBOUR, Neighbours, nearest_of, nearest_other_time, nearest_other_time_of, reference, squared_distance,
 };
+
+/// Of every point.
+fn nearest(points: &[[f32; 3]], k: usize) -> Result<Neighbours> {
+    nearest_of(points, &(0..).take(points.len()).collect::<Vec<u32>>(), k)
+}
 
 fn assert_equal(points: &[[f32; 3]], groups: &[u32], k: usize) {
     let got = nearest_other_time(points, groups, k).unwrap();

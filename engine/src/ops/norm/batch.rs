@@ -61,15 +61,15 @@ struct BatchNorm {
     moments: Arc<Moments>,
 }
 
-/// `[C]` sums of `of(column, value)` over the rows.
-fn column_sums(x: &[f32], width: usize, of: impl Fn(usize, f64) -> f64 + Sync) -> Vec<f64> {
+/// `[C]` sums of `term(column, value)` over the rows.
+fn column_sums(x: &[f32], width: usize, term: impl Fn(usize, f64) -> f64 + Sync) -> Vec<f64> {
     pieced_sums(
         width,
         x.par_chunks(PIECE * width).map(|piece| {
             let mut sums = vec![0.0; width];
             for row in piece.chunks_exact(width) {
                 for (c, (sum, &v)) in sums.iter_mut().zip(row).enumerate() {
-                    *sum += of(c, f64::from(v));
+                    *sum += term(c, f64::from(v));
                 }
             }
             sums

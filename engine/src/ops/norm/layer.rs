@@ -28,9 +28,32 @@ pub fn layer_norm(x: &Tensor, weight: &Tensor, bias: &Tensor, eps: f32) -> Resul
     x.contiguous()?.apply_op3(&weight.contiguous()?, &bias.contiguous()?, LayerNorm { width, eps })
 }
 
+/// The parameters of a [`layer_norm`] as constants.
+#[derive(Clone, Debug)]
+pub struct RowNorm {
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+    eps: f32,
+}
+
+impl RowNorm {
+    /// Copies `weight` and `bias` `[C]`.
+    ///
+    /// # Errors
+    /// When a value cannot be read.
+    pub fn new(weight: &Tensor, bias: &Tensor, eps: f32) -> Result<Self> {
+        Ok(Self { weight: weight.to_vec1()?, bias: bias.to_vec1()?, eps })
+    }
+}
+
 /// Normalises one row into `out`; all of one length.
 #[inline(always)]
-pub(crate) fn normalise_row<S: Simd>(simd: S, row: &[f32], [weight, bias]: [&[f32]; 2], eps: f32, out: &mut [f32]) {
+pub(crate) fn normalise_row<S: Simd>(simd: S, row: &[f32], norm: &RowNorm, out: &mut [f32]) {
+    into(simd, row, [&norm.weight, &norm.bias], norm.eps, out);
+}
+
+#[inline(always)]
+fn into<S: Simd>(simd: S, row: &[f32], [weight, bias]: [&[f32]; 2], eps: f32, out: &mut [f32]) {
     let (mean, scale) = moments(simd, row, eps);
     let (mean_lanes, scale_lanes) = (simd.splat_f32s(mean), simd.splat_f32s(scale));
     let (x, x_tail) = S::as_simd_f32s(row);
@@ -80,7 +103,7 @@ impl WithSimd for Forward<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.parameters[0].len();
         for (out, row) in self.out.chunks_exact_mut(width).zip(self.x.chunks_exact(width)) {
-            normalise_row(simd, row, self.parameters, self.eps, out);
+            into(simd, row, self.parameters, self.eps, out);
         }
     }
 }

@@ -5,8 +5,8 @@ mod layer;
 pub mod reference;
 
 pub use batch::{BatchStatistics, batch_norm};
-pub use layer::layer_norm;
 pub(crate) use layer::normalise_row;
+pub use layer::{RowNorm, layer_norm};
 
 use candle_core::{Result, Tensor};
 

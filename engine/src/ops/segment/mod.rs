@@ -1,11 +1,16 @@
 //! Reductions of rows over the segment that each belongs to, and the way back: every row its segment's.
 
+mod gate;
 pub mod reference;
+mod sum;
 
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
 use rayon::prelude::*;
+
+pub use gate::gather_gated;
+pub use sum::add_gathered;
 
 use super::tensors::{slice, with_values};
 

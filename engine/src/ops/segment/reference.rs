@@ -13,17 +13,17 @@ fn column<'a>(
 
 /// Largest values `[M, width]`; 0 without rows.
 pub fn max_pool(x: &[f64], segment_of: &[u32], num_segments: usize, width: usize) -> Vec<f64> {
-    let of = |i: usize| column(x, segment_of, i / width, [i % width, width]).reduce(f64::max).unwrap_or(0.0);
-    (0..num_segments * width).map(of).collect()
+    let largest = |i: usize| column(x, segment_of, i / width, [i % width, width]).reduce(f64::max).unwrap_or(0.0);
+    (0..num_segments * width).map(largest).collect()
 }
 
 /// Means `[M, width]`; 0 without rows.
 pub fn mean_pool(x: &[f64], segment_of: &[u32], num_segments: usize, width: usize) -> Vec<f64> {
-    let of = |i: usize| {
+    let mean = |i: usize| {
         let values: Vec<f64> = column(x, segment_of, i / width, [i % width, width]).collect();
         values.iter().sum::<f64>() / values.len().max(1) as f64
     };
-    (0..num_segments * width).map(of).collect()
+    (0..num_segments * width).map(mean).collect()
 }
 
 /// The rows of the segments, `[N, width]`.

@@ -8,21 +8,10 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::map::{BLOCK, KernelMap};
-
-/// Output channels of a panel.
-pub(super) const PANEL: usize = 32;
+use super::pack::{PANEL, PackedWeights};
 
 /// Vectors of a panel that are summed together.
 const PART: usize = 2;
-
-/// Weights in the order in which the inner loop reads them: `[num_offsets, panels, cin, PANEL]`, padded with zeros.
-#[derive(Clone, Debug)]
-pub struct PackedWeights {
-    pub(super) cin: usize,
-    pub(super) cout: usize,
-    num_offsets: usize,
-    data: Vec<f32>,
-}
 
 /// What is done to the sums before they are stored.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,58 +24,13 @@ pub struct Epilogue<'a> {
     pub relu: bool,
 }
 
-impl PackedWeights {
-    /// Packs weights that `at(offset, cin, cout)` gives.
-    pub(super) fn pack(
-        num_offsets: usize,
-        cin: usize,
-        cout: usize,
-        at: impl Fn(usize, usize, usize) -> f32 + Sync,
-    ) -> Self {
-        let panels = cout.div_ceil(PANEL);
-        let mut data = vec![0.0_f32; num_offsets * panels * cin * PANEL];
-        data.par_chunks_mut(PANEL.max(cin * PANEL)).enumerate().for_each(|(i, panel)| {
-            let (offset, first) = (i / panels, i % panels * PANEL);
-            for (k, row) in panel.chunks_exact_mut(PANEL).enumerate() {
-                for (c, value) in row.iter_mut().enumerate().take(cout - first) {
-                    *value = at(offset, k, first + c);
-                }
-            }
-        });
-        Self { cin, cout, num_offsets, data }
-    }
-
-    /// From weights `[cout, num_offsets, cin]` (offsets in x, y, z order), as checkpoints hold them.
-    ///
-    /// # Shapes
-    /// `weight.len() = cout * num_offsets * cin`, which the caller has checked.
-    pub fn of_checkpoint(weight: &[f32], num_offsets: usize, cin: usize, cout: usize) -> Self {
-        let panels = cout.div_ceil(PANEL);
-        let mut data = vec![0.0_f32; num_offsets * panels * cin * PANEL];
-        // Row by row of the checkpoint, so that reading is in order and writing stays within a panel.
-        data.par_chunks_mut(PANEL.max(cin * PANEL)).enumerate().for_each(|(i, panel)| {
-            let (offset, first) = (i / panels, i % panels * PANEL);
-            for c in first..cout.min(first + PANEL) {
-                let row = &weight[(c * num_offsets + offset) * cin..][..cin];
-                panel[c - first..].iter_mut().step_by(PANEL).zip(row).for_each(|(value, &w)| *value = w);
-            }
-        });
-        Self { cin, cout, num_offsets, data }
-    }
-
-    fn panel(&self, offset: usize, panel: usize) -> &[f32] {
-        let size = self.cin * PANEL;
-        &self.data[(offset * self.cout.div_ceil(PANEL) + panel) * size..][..size]
-    }
-}
-
 /// Convolves features into `out`.
 ///
 /// # Shapes
 /// `features` `[map.num_inputs, cin]`, `out` `[map.num_outputs, cout]`; lengths are checked by the callers.
 pub fn convolve_into(
     features: &[f32],
-    weights: &PackedWeights,
+    weights: &PackedWeights<'_>,
     map: &KernelMap,
     epilogue: &Epilogue<'_>,
     out: &mut [f32],
@@ -94,10 +38,10 @@ pub fn convolve_into(
     if out.is_empty() {
         return;
     }
-    let stride = weights.cout.div_ceil(PANEL) * PANEL;
-    let zeros = vec![0.0_f32; weights.cin];
+    let stride = weights.shape.panels() * PANEL;
+    let zeros = vec![0.0_f32; weights.shape.cin];
     let arch = pulp::Arch::new();
-    out.par_chunks_mut(BLOCK * weights.cout).enumerate().for_each_init(
+    out.par_chunks_mut(BLOCK * weights.shape.cout).enumerate().for_each_init(
         || vec![0.0_f32; (BLOCK + 1) * stride],
         |sums, (block, out)| {
             sums.fill(0.0);
@@ -109,7 +53,7 @@ pub fn convolve_into(
 struct BlockSums<'a> {
     features: &'a [f32],
     zeros: &'a [f32],
-    weights: &'a PackedWeights,
+    weights: &'a PackedWeights<'a>,
     map: &'a KernelMap,
     block: usize,
     epilogue: &'a Epilogue<'a>,
@@ -137,7 +81,7 @@ impl WithSimd for BlockSums<'_> {
 impl BlockSums<'_> {
     #[inline(always)]
     fn store(&mut self) {
-        let cout = self.weights.cout;
+        let cout = self.weights.shape.cout;
         let stride = cout.div_ceil(PANEL) * PANEL;
         let Epilogue { bias, residual, relu } = *self.epilogue;
         for (i, (row, sums)) in self.out.chunks_exact_mut(cout).zip(self.sums.chunks_exact(stride)).enumerate() {
@@ -157,14 +101,14 @@ impl BlockSums<'_> {
 
     #[inline(always)]
     fn run<S: Simd, const VECTORS: usize, const ROWS: usize>(&mut self, simd: S) {
-        let stride = self.weights.cout.div_ceil(PANEL) * VECTORS;
+        let stride = self.weights.shape.panels() * VECTORS;
         let sums = S::as_mut_simd_f32s(self.sums).0;
-        for offset in 0..self.weights.num_offsets {
+        for offset in 0..self.weights.shape.num_offsets {
             let (inputs, outputs) = self.map.pairs(self.block, offset);
             if inputs.is_empty() {
                 continue;
             }
-            for panel in 0..self.weights.cout.div_ceil(PANEL) {
+            for panel in 0..self.weights.shape.panels() {
                 let weights = S::as_simd_f32s(self.weights.panel(offset, panel)).0.as_chunks::<VECTORS>().0;
                 for part in (0..VECTORS).step_by(PART) {
                     let column = panel * VECTORS + part;
@@ -173,7 +117,8 @@ impl BlockSums<'_> {
                         let mut rows = [self.zeros; ROWS];
                         let mut places = [BLOCK * stride + column; ROWS];
                         for (r, (&input, &output)) in inputs.iter().zip(outputs).enumerate() {
-                            rows[r] = &self.features[input as usize * self.weights.cin..][..self.weights.cin];
+                            rows[r] =
+                                &self.features[input as usize * self.weights.shape.cin..][..self.weights.shape.cin];
                             places[r] = usize::from(output) * stride + column;
                         }
                         multiply::<S, VECTORS, ROWS>(simd, &rows, weights, part, &places, sums);
@@ -185,13 +130,13 @@ impl BlockSums<'_> {
 
     /// Where there are no vectors.
     fn run_by_value(&mut self) {
-        let stride = self.weights.cout.div_ceil(PANEL) * PANEL;
-        for offset in 0..self.weights.num_offsets {
+        let stride = self.weights.shape.panels() * PANEL;
+        for offset in 0..self.weights.shape.num_offsets {
             let (inputs, outputs) = self.map.pairs(self.block, offset);
-            for panel in 0..self.weights.cout.div_ceil(PANEL) {
+            for panel in 0..self.weights.shape.panels() {
                 let weights = self.weights.panel(offset, panel);
                 for (&input, &output) in inputs.iter().zip(outputs) {
-                    let row = &self.features[input as usize * self.weights.cin..][..self.weights.cin];
+                    let row = &self.features[input as usize * self.weights.shape.cin..][..self.weights.shape.cin];
                     let sums = &mut self.sums[usize::from(output) * stride + panel * PANEL..][..PANEL];
                     for (value, weights) in row.iter().zip(weights.chunks_exact(PANEL)) {
                         sums.iter_mut().zip(weights).for_each(|(s, w)| *s += value * w);

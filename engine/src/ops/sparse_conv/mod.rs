@@ -6,17 +6,17 @@
 //! # Source
 //! Graham et al., 3D semantic segmentation with submanifold sparse convolutional networks, 2018; Choy et al., Minkowski, 2019.
 
-mod affine;
 mod kernel;
 mod map;
 mod op;
+mod pack;
 pub mod reference;
 mod sites;
 mod weight_gradient;
 
-pub use affine::{add_relu, convolve_affine};
-pub use kernel::{Epilogue, PackedWeights, convolve_into};
+pub use kernel::{Epilogue, convolve_into};
 pub use map::{Halving, KernelMap};
 pub use op::{by_features, convolve};
+pub use pack::{ConvWeights, PackedWeights, WeightShape};
 pub use sites::Sites;
 pub use weight_gradient::by_weights;

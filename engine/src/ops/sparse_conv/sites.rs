@@ -21,32 +21,13 @@ pub struct Sites {
 }
 
 impl Sites {
-    /// The sites of coordinates that are already sorted by (batch, x, y, z) and unique.
-    ///
-    /// # Shapes
-    /// `coords` `[M]` of batch, x, y, z.
-    ///
-    /// # Errors
-    /// When a coordinate exceeds 18 bits (less a margin for kernels), a batch index 10 bits, or the order is not strict.
-    pub fn from_sorted(coords: Vec<[i32; 4]>) -> Result<Self> {
-        let keys = coords.iter().enumerate().map(|(i, c)| key_of(c, i)).collect::<Result<Vec<u64>>>()?;
-        match keys.windows(2).position(|pair| pair[0] >= pair[1]) {
-            None => Ok(Self { coords, keys }),
-            Some(i) => Err(EngineError::Setting {
-                setting: "voxel coordinates",
-                expected: "rows in strict (batch, x, y, z) order".to_owned(),
-                found: format!("row {i} {:?} before row {} {:?}", coords[i], i + 1, coords[i + 1]),
-            }),
-        }
-    }
-
     /// The distinct sites among coordinates in any order, and the site of every coordinate.
     ///
     /// # Shapes
     /// `coords` `[N]`; sites `[M]`, indices `[N]` in `0..M`.
     ///
     /// # Errors
-    /// As [`Sites::from_sorted`], but for the order; more coordinates than 32 bits count.
+    /// When a coordinate exceeds 18 bits (less a margin for kernels), a batch index 10 bits, or there are more coordinates than 32 bits count.
     pub fn unique(coords: &[[i32; 4]]) -> Result<(Self, Vec<u32>)> {
         check_count("voxel coordinates", coords.len())?;
         let mut order = coords
@@ -126,7 +107,7 @@ fn key_of(coord: &[i32; 4], row: usize) -> Result<u64> {
     })
 }
 
-/// Nothing, when 32 bits count so many.
+/// Fails when 32 bits do not count so many.
 ///
 /// # Errors
 /// [`EngineError::Setting`] for `--frames`: fewer of them have fewer points.

@@ -33,7 +33,7 @@ pub(crate) struct Loss {
 /// # Formula
 /// `w = (2 |y - 1/2|)^gamma`, 0 where the mask is not set.
 pub(crate) fn targets(clip: &ClipTargets, gamma: f64, place: impl Fn(usize) -> Option<usize>) -> Targets {
-    let of = |action: &ActionTargets| {
+    let counted = |action: &ActionTargets| {
         let rows = clip.index.iter().zip(&action.y).zip(&action.mask).filter(|(_, mask)| **mask);
         let target = |((&i, &y), _): ((&u32, &f32), &bool)| {
             let y = f64::from(y);
@@ -42,7 +42,7 @@ pub(crate) fn targets(clip: &ClipTargets, gamma: f64, place: impl Fn(usize) -> O
         };
         rows.filter_map(target).collect()
     };
-    [of(&clip.prune), of(&clip.add)]
+    [counted(&clip.prune), counted(&clip.add)]
 }
 
 /// The loss of scores.

@@ -3,15 +3,11 @@
 mod loss;
 mod shards;
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use lgs_engine::{
     densify::Thresholds,
-    network::{
-        buffers::Buffers,
-        config::ModelConfig,
-        policy::{EXTRA_INPUTS, Geometry},
-        weights::TensorSpec,
-    },
+    network::{config::ModelConfig, policy::Geometry, weights::TensorSpec},
+    ops::tensors::of_rows,
     predict::{PolicyInputs, scores_of},
 };
 use lgs_targetgen::fidelity::rank_correlation;
@@ -49,7 +45,7 @@ pub struct PolicyTask {
 pub struct PolicySample {
     step: u64,
     /// `None` where there is nothing to score.
-    inputs: Option<(Vec<f32>, Geometry)>,
+    inputs: Option<(Tensor, Geometry)>,
     targets: Targets,
 }
 
@@ -64,13 +60,18 @@ impl PolicyTask {
         }
         Ok(Self { held_out: clips.held_out(most_held_out)?, clips, config: config.clone() })
     }
+
+    /// The features of a clip, `[N, width]`.
+    fn features(&self, clip: &PolicyClip) -> Result<Tensor> {
+        Ok(of_rows(clip.features.clone(), self.config.unet.width())?)
+    }
 }
 
 impl Task for PolicyTask {
     type Settings = PolicySettings;
     type Sample = PolicySample;
 
-    /// Nothing: what is held out was told apart when the shards were opened.
+    /// Never fails: what is held out was told apart when the shards were opened.
     fn check(&self) -> Result<()> {
         Ok(())
     }
@@ -85,10 +86,10 @@ impl Task for PolicyTask {
         let chosen = around_one(&clip, settings.max_primitives, &mut Dice::new(seed, step));
         let mut place = vec![None; clip.set.len()];
         chosen.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at));
-        let Some(inputs) = PolicyInputs::new(&clip.features, &clip.set, &chosen, &self.config)? else {
+        let Some(inputs) = PolicyInputs::new(&self.features(&clip)?, &clip.set, &chosen, &self.config)? else {
             return Ok(PolicySample { step, inputs: None, targets: Targets::default() });
         };
-        let site = |i: usize| place[i].map(|at| inputs.site_of[at] as usize);
+        let site = |i: usize| place[i].map(|at| inputs.points.segment_of()[at] as usize);
         let targets = targets(&clip.targets, settings.gamma, site);
         Ok(PolicySample { step, inputs: Some((inputs.rows, inputs.geometry)), targets })
     }
@@ -99,13 +100,11 @@ impl Task for PolicyTask {
             return Ok(Computed { values: vec![f64::NAN; 5], gradients, usable: false });
         };
         let num_sites = geometry.num_sites();
-        let width = self.config.unet.width() + EXTRA_INPUTS;
-        let rows = Tensor::from_vec(rows, (num_sites, width), &Device::Cpu)?;
         let calibrates = sample.step < settings.optimisation.calibration;
         let scores = policy.scores(&rows, &geometry, calibrates)?;
         let values: Vec<[f32; 2]> = scores.flatten_all()?.to_vec1::<f32>()?.as_chunks::<2>().0.to_vec();
         let found = loss(&values, &sample.targets);
-        let by_scores = Tensor::from_vec(found.gradient.concat(), scores.shape(), &Device::Cpu)?;
+        let by_scores = of_rows(found.gradient.concat(), 2)?;
         variables.add_gradients(&(scores * by_scores)?.sum_all()?.backward()?, &mut gradients)?;
         let [prune, add] = found.values;
         let num_targets = sample.targets.iter().map(Vec::len).sum::<usize>();
@@ -123,10 +122,10 @@ impl Task for PolicyTask {
 
     fn score(&self, model: &Variables, settings: &PolicySettings) -> Result<Option<Vec<f64>>> {
         let Some(policy) = model.model()?.policy.filter(|_| !self.held_out.is_empty()) else { return Ok(None) };
-        let (policy, mut buffers) = (policy.fold()?, Buffers::default());
+        let policy = policy.fold()?;
         let mut sums = [0.0; 6];
         for clip in &self.held_out {
-            let [prune, add] = scores_of(&clip.features, &clip.set, &policy, &self.config, &mut buffers)?;
+            let [prune, add] = scores_of(&self.features(clip)?, &clip.set, &policy, &self.config)?;
             let scores: Vec<[f32; 2]> = prune.iter().zip(&add).map(|(&p, &a)| [p, a]).collect();
             let found = measured(clip, &scores, settings.gamma);
             sums.iter_mut().zip(found).for_each(|(sum, v)| *sum += v);

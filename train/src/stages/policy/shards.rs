@@ -9,7 +9,7 @@ use std::{
 use half::f16;
 use lgs_engine::{
     gaussians::GaussianSet,
-    network::{config::ModelConfig, model::FoldedModel},
+    network::{config::ModelConfig, model::Model},
 };
 use lgs_formats::{
     error::FormatError,
@@ -29,7 +29,7 @@ const EPOCHS: u64 = 1 << 63;
 #[derive(Debug)]
 pub struct Recompute {
     /// The network.
-    pub model: FoldedModel,
+    pub model: Model,
     /// The clips of the shards.
     pub clips: Vec<JobClip>,
     /// Whether it also replaces features that a shard holds, which may then be of other weights.
@@ -56,7 +56,7 @@ pub struct ShardClips {
     held_out: Vec<(PathBuf, String)>,
     config: TargetsConfig,
     width: usize,
-    recompute: Option<(FoldedModel, BTreeMap<String, PathBuf>, bool)>,
+    recompute: Option<(Model, BTreeMap<String, PathBuf>, bool)>,
     /// The shard that was read last: the clips of a shard follow each other.
     last: Mutex<Option<(PathBuf, Arc<Shard>)>>,
 }
@@ -187,7 +187,7 @@ impl ShardClips {
     }
 
     /// The scene of a clip as the network predicts it now; the features pass through the bits that a shard has for them.
-    fn recomputed(&self, clip: &Path, model: &FoldedModel) -> Result<(GaussianSet, HalfFeatures)> {
+    fn recomputed(&self, clip: &Path, model: &Model) -> Result<(GaussianSet, HalfFeatures)> {
         let config = TargetsConfig { with_features: true, ..self.config.clone() };
         let mut scene = load_scene(clip, &config, Some(model))?;
         scene.set.drop_background();

@@ -102,8 +102,10 @@ impl KernelMap {
         let radius = radius_of(kernel)?;
         let mut reached = Vec::new();
         for &[b, x, y, z] in sites.coords() {
-            let of = |v: i32| (-radius..=radius).filter(move |o| (v - o) & 1 == 0).map(move |o| (v - o) >> 1);
-            reached.extend(of(x).flat_map(|x| of(y).flat_map(move |y| of(z).map(move |z| [b, x, y, z]))));
+            let coarse_of = |v: i32| (-radius..=radius).filter(move |o| (v - o) & 1 == 0).map(move |o| (v - o) >> 1);
+            reached.extend(
+                coarse_of(x).flat_map(|x| coarse_of(y).flat_map(move |y| coarse_of(z).map(move |z| [b, x, y, z]))),
+            );
         }
         let (coarse, _) = Sites::unique(&reached)?;
         let blocks = coarse
