@@ -107,7 +107,7 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
 fn all_finite(skipped: &[usize], count: usize) -> Result<()> {
     let Some(first) = skipped.first() else { return Ok(()) };
     let found = format!("others for {} of {count}, the first of them Gaussian {first}", skipped.len());
-    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
+    Err(EngineError::Setting { setting: "weights", expected: "finite outputs of the network".to_owned(), found })
 }
 
 /// Adds the predicted residuals and velocities of the `LiDAR` branch, and the residuals of the background.

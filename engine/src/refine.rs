@@ -18,7 +18,7 @@ use crate::network::model::FoldedModel;
 use crate::network::normalise::add_residuals;
 use crate::network::pass::{FoldedPass, gather, with_own};
 use crate::objective::{Objective, Wanted, objective_with};
-use crate::render::{Pass, Probes};
+use crate::render::{MemoryEstimate, Pass};
 use crate::views::{View, at_factor};
 
 pub use lengths::{lengthen, step_lengths};
@@ -154,9 +154,9 @@ pub fn refine_and_measure(
 /// The objective, noted in the summary.
 ///
 /// # Errors
-/// As [`Probes::check`].
+/// As [`MemoryEstimate::check`].
 fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut RefineSummary) -> Result<Objective> {
-    Probes::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+    MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
     let found = objective_with(set, views, &LossWeights::default(), wanted);
     summary.losses.push(found.loss);
     summary.seconds.render += found.seconds.render;

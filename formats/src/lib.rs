@@ -3,9 +3,7 @@
 pub mod digest;
 pub mod error;
 pub mod frame_list;
-pub mod interrupt;
 pub mod pose;
-pub mod program;
 
 pub mod camera;
 pub mod camera_motion;
@@ -24,5 +22,6 @@ mod read;
 pub mod returns;
 pub mod sweep;
 pub mod targets;
+mod unfinished;
 pub mod viewer;
 pub mod write;

@@ -4,8 +4,10 @@ use std::{io::Write, path::Path};
 
 use crate::{
     error::{FormatError, Result},
-    interrupt::Unfinished,
+    unfinished::Unfinished,
 };
+
+pub use crate::unfinished::observe_writing;
 
 /// Nothing: afterwards `path` holds exactly `bytes`, or, on an error, what it held before.
 ///

@@ -1,6 +1,8 @@
 //! `points.csv`: one line for every configuration of every clip.
 
-use super::{setting::word, table::Row};
+use lgs_engine::recipe::word;
+
+use super::table::Row;
 
 const HEAD: [&str; 30] = [
     "clip",

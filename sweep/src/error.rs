@@ -19,7 +19,7 @@ pub enum SweepError {
     /// A setting is out of its range, or does not fit the others.
     #[error("{setting}: expected {expected}, found {found}")]
     Setting {
-        /// Name of the setting, as the user knows it (a flag).
+        /// Name of the setting: a flag of that name, where a program has one.
         setting: &'static str,
         /// What would have been right.
         expected: String,
@@ -58,7 +58,18 @@ pub type Result<T> = std::result::Result<T, SweepError>;
 
 impl SweepError {
     /// A [`SweepError::Setting`].
-    pub fn setting(setting: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
+    pub fn unfit(setting: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Setting { setting, expected: expected.into(), found: found.to_string() }
+    }
+
+    /// The setting that does not fit; `None` where something else is wrong.
+    pub fn setting(&self) -> Option<&str> {
+        match self {
+            Self::Setting { setting, .. } => Some(setting),
+            Self::Engine(error) => error.setting(),
+            Self::Format(error) => error.setting(),
+            Self::Train(error) => error.setting(),
+            _ => None,
+        }
     }
 }

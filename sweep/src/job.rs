@@ -116,7 +116,7 @@ impl Job<'_> {
     /// Whatever is wrong with a clip; a file that cannot be written.
     pub fn run(&self, observer: &dyn Observer) -> Result<Found> {
         if self.runs.is_empty() {
-            return Err(SweepError::setting("--weights", "weights to try, or steps of --adam", "neither"));
+            return Err(SweepError::unfit("weights", "weights to try, or steps of `adam`", "neither"));
         }
         let case = |choice| Case::new(open(choice)?, choice);
         let cases: Vec<Case> = self.clips.iter().map(case).collect::<Result<_>>()?;

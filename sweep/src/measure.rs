@@ -153,7 +153,7 @@ impl Bench<'_> {
     fn model(&self, run: &Run, setting: &Setting) -> Result<Option<&FoldedModel>> {
         let (Some(index), Some(weights)) = (run.network, &setting.weights) else { return Ok(None) };
         let loaded = self.models.get(index).filter(|loaded| loaded.digest == weights.sha256);
-        let others = || SweepError::setting("--weights", format!("those of {}", setting.name()), "others");
+        let others = || SweepError::unfit("weights", format!("those of {}", setting.name()), "others");
         Ok(Some(&loaded.ok_or_else(others)?.model))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lgs_engine::gaussians::motion::Motion;
+use lgs_engine::{gaussians::motion::Motion, recipe::flags, words::Words};
 use lgs_formats::write::write_atomic;
 use lgs_train::ablate::choice::Choice;
 use serde::Serialize;
@@ -16,7 +16,7 @@ use super::{
     presets::presets,
     record::{ClipRecord, Failed, PointRecord},
     report::{Chapter, Page, html},
-    setting::{Setting, Weights, word},
+    setting::{Setting, Weights},
     table::{Row, mean_rows, rows},
 };
 
@@ -134,24 +134,25 @@ impl Pages<'_> {
     fn command(&self, choice: &Choice, setting: &Setting) -> String {
         let mut words = vec!["lgs-infer".to_owned(), choice.dir.display().to_string()];
         let named = setting.weights.as_ref().and_then(|own| self.weights.iter().find(|(weights, _)| weights == own));
-        words.push(format!("--weights {}", named.map_or("none", |(_, text)| text)));
-        words.extend(setting.recipe.words());
-        words.extend(clip_words(choice));
-        words.extend((self.seed != 0).then(|| format!("--seed {}", self.seed)));
+        let mut options = vec![("weights", named.map_or("none", |(_, text)| text).to_owned())];
+        options.extend(setting.recipe.options());
+        options.extend(clip_options(choice));
+        options.extend((self.seed != 0).then(|| ("seed", self.seed.to_string())));
+        words.extend(flags(options));
         words.join(" ")
     }
 }
 
-/// The words of `lgs-infer` that read a clip as `choice` says, but for its directory.
-pub fn clip_words(choice: &Choice) -> Vec<String> {
-    let mut words = vec!["--hold-out".to_owned(), choice.hold_out.to_string()];
-    let mut add =
-        |flag: &str, value: Option<String>| words.extend(value.into_iter().flat_map(|v| [flag.to_owned(), v]));
-    add("--cameras", choice.cameras.as_ref().map(|cameras| cameras.join(",")));
-    add("--image-size", choice.image_size.map(|size| size.to_string()));
-    add("--frames", choice.num_frames.map(|count| format!("0..{}", count.saturating_sub(1))));
-    add("--motion", (choice.motion != Motion::default()).then(|| word(&choice.motion)));
-    words
+/// The options of `lgs-infer` that read a clip as `choice` says, but for its directory.
+pub fn clip_options(choice: &Choice) -> Vec<(&'static str, String)> {
+    let given = [
+        ("hold-out", Some(choice.hold_out.to_string())),
+        ("cameras", choice.cameras.as_ref().map(|cameras| cameras.join(","))),
+        ("image-size", choice.image_size.map(|size| size.to_string())),
+        ("frames", choice.num_frames.map(|count| format!("0..{}", count.saturating_sub(1)))),
+        ("motion", (choice.motion != Motion::default()).then(|| choice.motion.word().to_owned())),
+    ];
+    given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
 fn of_clip<'a>(record: &'a ClipRecord, rows: &'a [Row], budgets: &'a [BudgetRow], settings: &[Setting]) -> OfClip<'a> {

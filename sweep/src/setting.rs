@@ -1,7 +1,11 @@
 //! One configuration of a reconstruction: a recipe and weights.
 
-use clap::ValueEnum;
-use lgs_engine::{densify::Density, gaussians::background::Mode, recipe::Recipe, refine::LineSearch};
+use lgs_engine::{
+    densify::Density,
+    gaussians::background::Mode,
+    recipe::{Recipe, word},
+    refine::LineSearch,
+};
 use serde::{Deserialize, Serialize};
 
 use super::error::{Result, SweepError};
@@ -24,11 +28,6 @@ pub struct Setting {
     pub weights: Option<Weights>,
     /// The recipe.
     pub recipe: Recipe,
-}
-
-/// The word that the user gives for a value.
-pub fn word(value: &impl ValueEnum) -> String {
-    value.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
 }
 
 impl Setting {

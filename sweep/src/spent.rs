@@ -32,9 +32,7 @@ impl Spent {
     pub fn of(metrics: &Value) -> Result<Self> {
         let budget = &metrics["budget"];
         let seconds = |value: &Value| {
-            value
-                .as_f64()
-                .ok_or_else(|| SweepError::setting("metrics.json", "seconds of a budget and of stages", value))
+            value.as_f64().ok_or_else(|| SweepError::unfit("metrics.json", "seconds of a budget and of stages", value))
         };
         let recipe = serde_json::from_value(budget["recipe"].clone());
         Ok(Self {

@@ -74,6 +74,16 @@ impl TrainError {
     pub fn config(field: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Config { field: field.into(), expected: expected.into(), found: found.to_string() }
     }
+
+    /// The setting that does not fit; `None` where something else is wrong.
+    pub fn setting(&self) -> Option<&str> {
+        match self {
+            Self::Config { field, .. } => Some(field),
+            Self::Engine(error) => error.setting(),
+            Self::Format(error) => error.setting(),
+            _ => None,
+        }
+    }
 }
 
 /// Result of this crate's operations.

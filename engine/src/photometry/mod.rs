@@ -14,7 +14,10 @@ use serde::{Deserialize, Serialize};
 
 pub use grey::put_aside;
 
-use crate::views::{Response, View, to_f32};
+use crate::{
+    views::{Response, View, to_f32},
+    words::Words,
+};
 use fit::{Fit, Shown, fit};
 use observations::observe;
 
@@ -30,7 +33,7 @@ const CLIPPED: f64 = 1e-3;
 const STRIDE: usize = 13;
 
 /// Whether cameras are brought to common colours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Colours {
     /// Where cameras of a rig show the same places in other colours.
@@ -38,6 +41,13 @@ pub enum Colours {
     Auto,
     /// Never: every image as its camera took it.
     AsTaken,
+}
+
+impl Words for Colours {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("auto", Self::Auto, "Where cameras of a rig show the same places in other colours"),
+        ("as-taken", Self::AsTaken, "Never: every image as its camera took it"),
+    ];
 }
 
 /// How images are compared with a scene: what an input image's camera made of light holds for every other image that it takes.

@@ -4,7 +4,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Flags, Inputs, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
+use super::{
+    Inputs, MemorySettings, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network,
+};
 use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
@@ -134,7 +136,7 @@ impl<'a> Begun<'a> {
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
-                setting: "--background",
+                setting: "background",
                 expected: "`depth` of an input image in clip.json for maps".to_owned(),
                 found: "none".to_owned(),
             });
@@ -148,7 +150,11 @@ impl<'a> Begun<'a> {
         drop((cloud, movement));
         let initial = scene.num_lidar;
         if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
-            check_refinement([initial, scene.len() - initial], Some(&settings.model.config), Flags::default())?;
+            check_refinement(
+                [initial, scene.len() - initial],
+                Some(&settings.model.config),
+                MemorySettings::default(),
+            )?;
         }
         let views: Vec<&View> = inputs.views().iter().collect();
         let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;

@@ -6,7 +6,8 @@ use std::{
 };
 
 use super::{
-    Begun, Flags, Inputs, NetworkSettings, Reconstruction, Session, Stage, StageTimes, Watch, begin, check_refinement,
+    Begun, Inputs, MemorySettings, NetworkSettings, Reconstruction, Session, Stage, StageTimes, Watch, begin,
+    check_refinement,
 };
 use crate::{
     error::Result,
@@ -14,7 +15,7 @@ use crate::{
     network::model::FoldedModel,
     recipe::Recipe,
     refine::RefineSummary,
-    render::{Pass, Probes},
+    render::{MemoryEstimate, Pass},
     views::{View, at_factor},
 };
 
@@ -99,7 +100,7 @@ pub(super) fn optimise(
 ) -> Result<()> {
     let (steps, turns, reduce) = (run.adam_steps(), run.recipe.turns(run.seed), run.recipe.refine_reduce);
     let num_lidar = made.scene.num_lidar;
-    check_refinement([num_lidar, made.scene.len() - num_lidar], None, Flags::default())?;
+    check_refinement([num_lidar, made.scene.len() - num_lidar], None, MemorySettings::default())?;
     let (start, mut waited) = (Instant::now(), Duration::ZERO);
     // A step draws the views once, as the learned refinement has.
     let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
@@ -118,7 +119,7 @@ pub(super) fn optimise(
                 break;
             }
             let pinholes = views.iter().map(|view| &view.pinhole);
-            watch.time(Stage::Refine, |_| Probes::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
+            watch.time(Stage::Refine, |_| MemoryEstimate::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
         }
         watch.time(Stage::Refine, |progress| {
             adam.step(&mut made.scene, &views);

@@ -6,6 +6,7 @@ use super::fit;
 use crate::{
     error::{EngineError, Result},
     recipe::Recipe,
+    words::Words,
 };
 
 /// The value of `format`.
@@ -50,7 +51,7 @@ pub struct Measured {
 }
 
 /// A recipe with a name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Named {
     /// The best of those that take at most an eighth of the time of `accurate`.
@@ -59,6 +60,14 @@ pub enum Named {
     Balanced,
     /// The best.
     Accurate,
+}
+
+impl Words for Named {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("fast", Self::Fast, "The best of those that take at most an eighth of the time of accurate"),
+        ("balanced", Self::Balanced, "The best of those that take at most half the time of accurate"),
+        ("accurate", Self::Accurate, "The best"),
+    ];
 }
 
 /// Which recipe a name means.

@@ -6,7 +6,7 @@ use super::Turns;
 use crate::objective::Objective;
 
 /// After which learned steps every Gaussian's length of the step is searched for, where the model's config asks for that.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineSearch {
     /// Every one.

@@ -5,7 +5,7 @@
 //! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
-//! `foresee` tells how much the lists of a view will hold before they are made.
+//! `memory_estimate` tells how much the lists of a view will hold before they are made.
 //!
 //! Interventions: `branch` (sets that differ in some Gaussians share their projections), `patch` (what one Gaussian changes, by its
 //! tiles alone), `blended` (maps summed under every Gaussian's blending weights).
@@ -18,9 +18,9 @@ pub mod constants;
 mod backward;
 mod blended;
 mod branch;
-mod foresee;
 mod forward;
 mod lanes;
+mod memory_estimate;
 mod patch;
 mod project;
 mod project_backward;
@@ -33,8 +33,8 @@ use crate::views::PinholeView;
 pub use blended::{MAPS, blended_sums};
 pub use branch::Projection;
 use constants::TILE_PIXELS;
-pub use foresee::{Pass, Probes};
 use forward::{PLANES, STOP};
+pub use memory_estimate::{MemoryEstimate, Pass};
 pub(crate) use patch::crop;
 pub use patch::{Patch, Redraw};
 use tiles::TileLists;

@@ -14,7 +14,7 @@ pub(super) fn budget_table(rows: &[BudgetRow]) -> String {
     let cells: String = head.map(|name| format!("<th>{name}</th>")).collect();
     let body: String = rows.iter().map(|row| format!("<tr>{}</tr>\n", values(row))).collect();
     format!(
-        "<p class=\"said\">Runs of <code>lgs-infer --time-budget</code>, from the start of the program to the finished scene, beside \
+        "<p class=\"said\">Runs of <code>lgs-infer</code> with a time budget, from the start of the program to the finished scene, beside \
          the best point above that would have been finished in time.</p>\n<div class=\"wide\"><table class=\"budgets\">\n\
          <thead><tr>{cells}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )

@@ -103,7 +103,7 @@ impl Sample {
         drawn.sort_unstable();
         drawn.truncate(size);
         if drawn.len() < 4 {
-            return Err(TargetError::setting("CLIP", "4 primitives with targets or more", drawn.len().to_string()));
+            return Err(TargetError::unfit("CLIP", "4 primitives with targets or more", drawn.len().to_string()));
         }
         let places: Vec<usize> = drawn.into_iter().map(|(_, k)| k).collect();
         let chosen: Vec<usize> = places.iter().map(|&k| by_signal[0].index[k] as usize).collect();

@@ -32,7 +32,7 @@ pub fn merge(folders: &[PathBuf], out: &Path, shard_bytes: u64) -> Result<Manife
     }
     let Some(Share { manifest: first, .. }) = shares.first() else {
         let found = folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
-        return Err(TargetError::setting("DIRS", "folders with part-I-of-N.json", found));
+        return Err(TargetError::unfit("DIRS", "folders with part-I-of-N.json", found));
     };
     check(&shares)?;
     let mut store = Store::open(out, &first.config)?;
@@ -151,7 +151,7 @@ fn check(shares: &[Share]) -> Result<()> {
         let found = shares.iter().filter(|share| share.part.index == index).count();
         if found != 1 {
             let name = part_file(Part { index, count: first.part.count });
-            return Err(TargetError::setting("DIRS", format!("{name} once"), format!("it {found} times")));
+            return Err(TargetError::unfit("DIRS", format!("{name} once"), format!("it {found} times")));
         }
     }
     for clip in &first.manifest.clips {
@@ -159,7 +159,7 @@ fn check(shares: &[Share]) -> Result<()> {
         let failed = shares.iter().flat_map(|s| &s.manifest.failed).filter(|f| f.clip == *clip);
         let count = done.count() + failed.count();
         if count != 1 {
-            return Err(TargetError::setting("DIRS", format!("clip {clip} in one part"), format!("it in {count}")));
+            return Err(TargetError::unfit("DIRS", format!("clip {clip} in one part"), format!("it in {count}")));
         }
     }
     Ok(())

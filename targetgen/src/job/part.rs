@@ -32,12 +32,12 @@ fn task(flag: Option<Part>, variable: &dyn Fn(&str) -> Option<String>) -> Result
     let whole =
         |name, number, first, count| Task { name, number, shares: Shares { first, step: 1, count }, is_whole: true };
     if let Some(Part { index, count }) = flag {
-        return Ok(Some(whole("--part", index, 1, count)));
+        return Ok(Some(whole("part", index, 1, count)));
     }
     let number = |name: &str| -> Result<usize> {
         let text = variable(name).unwrap_or_default();
         let number = text.parse().ok();
-        number.ok_or_else(|| TargetError::setting(name, "a number, or --part I/N", format!("{text:?}")))
+        number.ok_or_else(|| TargetError::unfit(name, "a number, or `part I/N`", format!("{text:?}")))
     };
     if variable(SLURM_ID).is_some() {
         let (id, first, count) =
@@ -67,13 +67,13 @@ mod tests {
         let slurm = |id| [("SLURM_ARRAY_TASK_ID", id), ("SLURM_ARRAY_TASK_MIN", "1"), ("SLURM_ARRAY_TASK_COUNT", "3")];
         assert_eq!(of(&slurm("1")).unwrap(), Some(Part { index: 1, count: 3 }));
         assert_eq!(of(&slurm("3")).unwrap(), Some(Part { index: 3, count: 3 }));
-        assert!(of(&slurm("7")).unwrap_err().to_string().contains("--part"));
+        assert!(of(&slurm("7")).unwrap_err().to_string().contains("part"));
         let stepped = [slurm("5").as_slice(), &[("SLURM_ARRAY_TASK_STEP", "2")]].concat();
         assert_eq!(of(&stepped).unwrap(), Some(Part { index: 3, count: 3 }));
         let indexed = [("JOB_COMPLETION_INDEX", "0"), ("JOB_COMPLETIONS", "4")];
         assert_eq!(of(&indexed).unwrap(), Some(Part { index: 1, count: 4 }));
         let message = of(&indexed[..1]).unwrap_err().to_string();
-        assert!(message.contains("JOB_COMPLETIONS: expected a number, or --part I/N"), "{message}");
+        assert!(message.contains("JOB_COMPLETIONS: expected a number, or `part I/N`"), "{message}");
         assert!(of(&[("JOB_COMPLETION_INDEX", "4"), ("JOB_COMPLETIONS", "4")]).is_err());
     }
 

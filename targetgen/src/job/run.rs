@@ -153,7 +153,7 @@ fn finish_part(store: &Store, plan: &Plan<'_>, own: &[&str], part: Part) -> Resu
     for &clip in own.iter().filter(|clip| !plan.failed.iter().any(|failed| failed.clip == **clip)) {
         let Some(encoded) = store.clip(clip)? else {
             let found = "shards that were packed already: the parts are merged".to_owned();
-            return Err(TargetError::setting("--part", "a folder whose parts are not merged yet", found));
+            return Err(TargetError::unfit("part", "a folder whose parts are not merged yet", found));
         };
         let record = ClipRecord {
             clip: clip.to_owned(),

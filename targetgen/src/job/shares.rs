@@ -97,13 +97,13 @@ impl Task {
             let expected =
                 format!("{} as {} says; another job goes into another folder", shares.in_words(), file.display());
             let found = format!("task {} of {}", self.number, self.shares.in_words());
-            return Err(TargetError::setting(self.name, expected, found));
+            return Err(TargetError::unfit(self.name, expected, found));
         }
         let found = format!(
-            "task {} of {}; give --part I/N where tasks are not numbered evenly",
+            "task {} of {}; give `part I/N` where tasks are not numbered evenly",
             self.number, self.shares.count
         );
-        Err(TargetError::setting(self.name, "tasks that are numbered evenly", found))
+        Err(TargetError::unfit(self.name, "tasks that are numbered evenly", found))
     }
 }
 

@@ -74,7 +74,7 @@ impl Store {
         match ours.into_iter().find(|path| path.exists()) {
             None => Ok(()),
             Some(path) => {
-                Err(TargetError::setting("--out", "an empty folder, or --resume to go on", path.display().to_string()))
+                Err(TargetError::unfit("out", "an empty folder, or `resume` to go on", path.display().to_string()))
             }
         }
     }

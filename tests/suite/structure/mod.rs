@@ -2,9 +2,10 @@
 
 mod files;
 mod layers;
+mod programs;
 
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    [layers::cases(), files::cases()].into_iter().flatten().collect()
+    [layers::cases(), programs::cases(), files::cases()].into_iter().flatten().collect()
 }

@@ -36,13 +36,13 @@ impl Settings {
     /// The first value out of its range.
     pub fn validate(&self) -> Result<()> {
         if !(STEPS..=100).contains(&self.refine_steps) {
-            return Err(TrainError::config("--refine-steps", format!("{STEPS} to 100"), self.refine_steps));
+            return Err(TrainError::config("refine-steps", format!("{STEPS} to 100"), self.refine_steps));
         }
         if !self.adam.is_sorted_by(|a, b| a < b) || self.adam.first() == Some(&0) {
-            return Err(TrainError::config("--adam", "ascending numbers from 1 on", format!("{:?}", self.adam)));
+            return Err(TrainError::config("adam", "ascending numbers from 1 on", format!("{:?}", self.adam)));
         }
         match self.thresholds.iter().find(|theta| !(0.0..=1.0).contains(*theta)) {
-            Some(theta) => Err(TrainError::config("--thresholds", "scores from 0 to 1", theta)),
+            Some(theta) => Err(TrainError::config("thresholds", "scores from 0 to 1", theta)),
             None => Ok(()),
         }
     }

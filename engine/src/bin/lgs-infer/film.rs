@@ -6,8 +6,8 @@ use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator::available_bytes,
     gaussians::physical::Splat,
-    pipeline::{Flags, Need, Progress, Stage},
-    render::{Pass, Probes, render},
+    pipeline::{MemorySettings, Need, Progress, Stage},
+    render::{MemoryEstimate, Pass, render},
     views::{ClipFrame, PinholeView, Response, View, between, keys_of_camera, path_views},
 };
 use lgs_formats::{
@@ -85,7 +85,7 @@ impl Film {
         progress: &dyn Progress,
     ) -> Result<()> {
         let Some(first) = self.views.first() else { return Ok(()) };
-        if Probes::of_splats(scene).check(&self.views, Pass::Images).is_err() {
+        if MemoryEstimate::of_splats(scene).check(&self.views, Pass::Images).is_err() {
             return Err(too_large(first));
         }
         let folder = out.join("path");
@@ -131,7 +131,7 @@ fn pinhole(frame: &ClipFrame, lens: PathLens, key: &PathKey) -> PinholeView {
 /// Nothing, when one picture fits into the memory that is free.
 fn check_size(lens: &PinholeView) -> Result<()> {
     let need = Need::of(&[[lens.height, lens.width]], 0);
-    if available_bytes().is_some_and(|available| need.check(available, Flags::default()).is_err()) {
+    if available_bytes().is_some_and(|available| need.check(available, MemorySettings::default()).is_err()) {
         return Err(too_large(lens));
     }
     Ok(())

@@ -3,6 +3,7 @@
 use std::{path::Path, sync::Arc, time::Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
+use lgs_cli::{Outcome, threads};
 use lgs_engine::{
     allocator,
     densify::DensityMap,
@@ -17,7 +18,6 @@ use lgs_engine::{
     pipeline::{Drawing, Figures, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views},
     recipe::Recipe,
     report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
-    threads,
     views::{SelectedFrames, Selection, View},
 };
 use lgs_formats::{
@@ -27,7 +27,6 @@ use lgs_formats::{
     exports::num_files,
     importers,
     ply::Higher,
-    program::Outcome,
     viewer,
 };
 
@@ -36,7 +35,7 @@ use crate::{
     film::Film,
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     plan,
-    progress::Bars,
+    progress::StageBars,
     summary::{notes, summary},
 };
 
@@ -57,7 +56,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     plan::check(args)?;
     let threads = threads::set_num_threads(args.threads())?;
-    let bars = Bars::new();
+    let bars = StageBars::default();
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;

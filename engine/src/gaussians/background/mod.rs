@@ -31,7 +31,7 @@ use crate::{
 const SAME_MOMENT: f32 = 1e-3;
 
 /// Where the background comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// What the clip needs: its own depth maps where it has some, else what scored best on held-out frames, `depth`.
@@ -41,7 +41,6 @@ pub enum Mode {
     #[default]
     Auto,
     /// None.
-    #[value(alias = "none")]
     Off,
     /// A hemisphere far away, above the horizon.
     Sky,

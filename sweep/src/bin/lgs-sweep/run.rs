@@ -7,12 +7,13 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use lgs_cli::{Outcome, threads};
 use lgs_engine::{
     evaluate::lpips::Lpips,
     network::{config::StepLength, source::LoadedModel},
-    threads,
+    recipe::flags,
 };
-use lgs_formats::{digest::sha256, program::Outcome};
+use lgs_formats::digest::sha256;
 use lgs_sweep::{
     budget::BudgetRow,
     case::Case,
@@ -20,7 +21,7 @@ use lgs_sweep::{
     job::{Found, Job},
     machine::Machine,
     measure::{Judged, judge},
-    pages::{ClipTable, clip_words},
+    pages::{ClipTable, clip_options},
     setting::Weights,
     spent::Spent,
     table::Row,
@@ -99,7 +100,7 @@ fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -
     let clips = args.clips();
     let spend = |clip: usize, budget_s: f64| {
         let mut command = Command::new(&infer);
-        command.arg(&clips[clip].dir).args(clip_words(&clips[clip])).args(["--weights", weights]);
+        command.arg(&clips[clip].dir).args(flags(clip_options(&clips[clip]))).args(["--weights", weights]);
         command.args(["--seed", &args.seed.to_string(), "--threads", &threads.to_string()]);
         command.args(["--time-budget", &budget_s.to_string(), "--views", "held-out", "--json", "--out"]);
         Spent::of(&answer(command.arg(args.out.join("budget")))?)
@@ -120,7 +121,7 @@ fn sweep(args: &Args, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -
         budgets: args.budgets.clone(),
         spend: &spend,
     };
-    let teller = Teller::new(job.total_weight())?;
+    let teller = Teller::new(job.total_weight());
     let found = job.run(&teller)?;
     drop(teller);
     Ok(outcome(&found, &job.out))

@@ -7,8 +7,9 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use lgs_cli::Outcome;
 use lgs_engine::network::source::LoadedModel;
-use lgs_formats::{clip_dir::ClipDir, program::Outcome};
+use lgs_formats::clip_dir::ClipDir;
 use lgs_sweep::{
     error::Result as SweepResult,
     machine::Machine,
@@ -66,7 +67,7 @@ fn measure(args: &Args, threads: usize, weights: Option<String>) -> Result<Outco
     let causes = Causes { format: SIZE_FORMAT.to_owned(), weights, seed: args.seed, repeats, machine };
     let meter = Others { program };
     let job = Job { plan: args.scaling.plan(), causes, out: output_dir(&args.out)?, meter: &meter };
-    let teller = Teller::new(job.total_weight())?;
+    let teller = Teller::new(job.total_weight());
     let found = job.run(&teller)?;
     drop(teller);
     Ok(outcome(&found, &job.out))

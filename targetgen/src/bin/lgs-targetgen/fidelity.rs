@@ -4,9 +4,9 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use lgs_cli::threads;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::refine::adam::{AdamRates, adam};
-use lgs_engine::threads;
 use lgs_engine::views::View;
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::branches::Problem;

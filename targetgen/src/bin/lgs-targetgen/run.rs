@@ -5,8 +5,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use lgs_engine::{allocator, threads};
-use lgs_formats::program::Outcome;
+use lgs_cli::{Outcome, threads};
+use lgs_engine::allocator;
 use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::job::{self, Job, choose_part, find_clips};

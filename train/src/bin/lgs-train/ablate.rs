@@ -1,10 +1,10 @@
 //! Acts on the flags of `ablate`.
 
-use std::{io::Write, path::Path};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
-use lgs_engine::{evaluate::lpips::Lpips, threads};
+use lgs_cli::{progress::Bar, threads};
+use lgs_engine::evaluate::lpips::Lpips;
 use lgs_formats::digest::sha256;
 use lgs_train::{
     ablate::{
@@ -45,11 +45,7 @@ pub(crate) fn ablate(args: &AblateArgs) -> Result<String> {
         short: args.short(),
         out: args.out.clone(),
     };
-    let bar = ProgressBar::new(job.num_steps());
-    bar.set_style(ProgressStyle::with_template("ablate {wide_bar} {pos}/{len} steps {eta} {msg}")?);
-    let page = job.run(&Watch { bar: bar.clone() })?;
-    bar.finish_and_clear();
-    Ok(page)
+    Ok(job.run(&Watch { bar: Bar::new("ablate", job.num_steps()) })?)
 }
 
 fn digest(file: &Path) -> Result<String> {
@@ -59,14 +55,14 @@ fn digest(file: &Path) -> Result<String> {
 
 /// Progress on standard error.
 struct Watch {
-    bar: ProgressBar,
+    bar: Bar,
 }
 
 impl Observer for Watch {
     fn begin(&self, clip: &Path, there: bool) {
-        self.bar.set_message(clip.display().to_string());
+        self.bar.message(clip.display().to_string());
         if there && !self.bar.is_hidden() {
-            self.bar.println(format!("{}: measured already", clip.display()));
+            self.bar.line(&format!("{}: measured already", clip.display()));
         }
     }
 
@@ -89,11 +85,6 @@ impl Observer for Watch {
             adam.join(" / "),
             self.bar.eta().as_secs()
         );
-        if self.bar.is_hidden() {
-            // Nobody reads what cannot be written.
-            let _ = writeln!(std::io::stderr(), "{line}");
-        } else {
-            self.bar.println(line);
-        }
+        self.bar.line(&line);
     }
 }

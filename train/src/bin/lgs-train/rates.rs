@@ -3,10 +3,10 @@
 use std::io::Write;
 
 use anyhow::{Context, Result};
+use lgs_cli::threads;
 use lgs_engine::{
     densify::{Density, Thresholds},
     pipeline::{NetworkSettings, Silent, Watch, run_network},
-    threads,
 };
 use lgs_train::{
     ablate::{

@@ -1,18 +1,21 @@
-//! The number of threads, for the engine's own loops and for the tensor library alike.
+//! The number of threads, for our own loops and for the tensor library alike.
 
 use std::num::NonZeroUsize;
 
-use crate::error::{EngineError, Result};
-
 /// Variables from which rayon and candle take the sizes of their pools, each at its first use.
 const POOL_VARIABLES: [&str; 2] = ["RAYON_NUM_THREADS", "CANDLE_NUM_THREADS"];
+
+/// Other threads run already, or a pool exists already.
+#[derive(Debug, thiserror::Error)]
+#[error("--threads: expected a process of one thread, found {0}")]
+pub struct TooLate(String);
 
 /// Makes every pool of this process `count` threads large (all cores when `None`) and returns that number. To be called
 /// once, in `main`, before anything starts a thread.
 ///
 /// # Errors
 /// When other threads run already, or a pool exists already.
-pub fn set_num_threads(count: Option<NonZeroUsize>) -> Result<usize> {
+pub fn set_num_threads(count: Option<NonZeroUsize>) -> Result<usize, TooLate> {
     set_pools(count, count)
 }
 
@@ -21,24 +24,20 @@ pub fn set_num_threads(count: Option<NonZeroUsize>) -> Result<usize> {
 ///
 /// # Errors
 /// As [`set_num_threads`].
-pub fn set_pools(own: Option<NonZeroUsize>, tensors: Option<NonZeroUsize>) -> Result<usize> {
+pub fn set_pools(own: Option<NonZeroUsize>, tensors: Option<NonZeroUsize>) -> Result<usize, TooLate> {
     let or_all = |count: Option<NonZeroUsize>| match count {
         Some(count) => count.get(),
         None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
     };
     if num_running().is_some_and(|running| running > 1) {
-        return Err(too_late("other threads running"));
+        return Err(TooLate("other threads running".to_owned()));
     }
     for (name, count) in POOL_VARIABLES.into_iter().zip([own, tensors]) {
         set_variable(name, &or_all(count).to_string());
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(or_all(own)).build_global();
-    pool.map_err(|error| too_late(&error.to_string()))?;
+    pool.map_err(|error| TooLate(error.to_string()))?;
     Ok(or_all(own))
-}
-
-fn too_late(found: &str) -> EngineError {
-    EngineError::Setting { setting: "--threads", expected: "a process of one thread".into(), found: found.into() }
 }
 
 /// Threads of this process; `None` where the system does not say.
