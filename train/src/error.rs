@@ -30,9 +30,6 @@ pub enum TrainError {
         /// What was there.
         found: String,
     },
-    /// A picture of curves could not be drawn.
-    #[error("plot: {0}")]
-    Plot(String),
     /// A value of a configuration is out of its range.
     #[error("{field}: expected {expected}, found {found}")]
     Config {

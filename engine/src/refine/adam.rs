@@ -54,7 +54,7 @@ pub struct AdamSummary {
 ///
 /// A gentle one has `m <- 0.8 m + 0.2 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in step k: its steps
 /// begin at a quarter of the rate, are longest in the seventh, and grow shorter. Usual first steps go by the sign of the gradient, a whole rate each,
-/// which helps a scene that is far from its optimum and spoils one that is not: `sweep/NEEDS.md` has the figures.
+/// which helps a scene that is far from its optimum and spoils one that is not: `measure/NEEDS.md` has the figures.
 ///
 /// # Source
 /// Kingma and Ba, Adam, 2015; Kerbl et al., 3D Gaussian splatting, 2023.

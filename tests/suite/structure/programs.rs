@@ -8,7 +8,7 @@ use lgs_tests::{Outcome, case, places};
 use libtest_mimic::Trial;
 
 /// The crates whose programs have flags.
-const CRATES: [&str; 6] = ["formats", "engine", "targetgen", "train", "sweep", "pages"];
+const CRATES: [&str; 6] = ["pages", "formats", "engine", "targetgen", "train", "measure"];
 /// What parses command lines, and what shows how far a program is.
 const OF_PROGRAMS: [&str; 3] = ["clap", "lgs_cli", "indicatif"];
 

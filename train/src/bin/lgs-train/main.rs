@@ -1,13 +1,9 @@
 //! `lgs-train`: makes scenes to train and measure on.
 
-mod ablate;
-mod ablate_args;
 mod args;
 mod backbone_args;
 mod finetune_args;
 mod policy_args;
-mod rates;
-mod rates_args;
 mod run;
 mod ship;
 mod stage;

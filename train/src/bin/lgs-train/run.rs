@@ -20,8 +20,6 @@ pub(crate) fn run(cli: &Cli) -> Result<String> {
         Command::Policy(args) => stage::policy(args),
         Command::Finetune(args) => stage::finetune(args),
         Command::Export(args) => stage::export(args),
-        Command::Rates(args) => crate::rates::rates(args),
-        Command::Ablate(args) => crate::ablate::ablate(args),
         Command::Ship(args) => crate::ship::ship(args),
     }
 }

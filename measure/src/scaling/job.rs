@@ -1,0 +1,156 @@
+//! The whole work: every size, what is missing of it, and the pages that show it.
+
+use std::path::{Path, PathBuf};
+
+use lgs_formats::{error::FormatError, write::write_atomic};
+use serde::Serialize;
+
+use super::{
+    csv,
+    measure::{Space, Times},
+    page::{Page, html},
+    plan::{Plan, Size},
+    record::{Causes, SizeRecord},
+    street,
+    table::{Row, rows},
+};
+use crate::{error::Result, records::json, sweep::job::Observer};
+
+/// The value of `format` in `scaling.json`.
+pub const FORMAT: &str = "lgs-scaling/1";
+/// Folder of the records.
+const RECORDS: &str = "sizes";
+/// Folder of the clip that is being measured, removed when it is.
+const CLIP: &str = "clip-of-a-size";
+
+/// Measures clips, in processes of their own.
+pub trait Meter: std::fmt::Debug {
+    /// What runs of the clip in `dir` take.
+    ///
+    /// # Errors
+    /// When it cannot be measured.
+    fn times(&self, dir: &Path) -> Result<Times>;
+    /// What a run of the clip in `dir` needs, and what there is to do.
+    ///
+    /// # Errors
+    /// When it cannot be measured.
+    fn space(&self, dir: &Path) -> Result<Space>;
+}
+
+/// What is to be measured.
+#[derive(Debug)]
+pub struct Job<'a> {
+    /// The sizes.
+    pub plan: Plan,
+    /// What decides the figures beside the sizes.
+    pub causes: Causes,
+    /// Directory of the results.
+    pub out: PathBuf,
+    /// Measures.
+    pub meter: &'a dyn Meter,
+}
+
+/// A size that could not be measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Failed {
+    /// The size.
+    pub size: String,
+    /// Why not.
+    pub reason: String,
+}
+
+/// What a job found.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// Each part along each axis.
+    pub rows: Vec<Row>,
+    /// What could not be measured.
+    pub failed: Vec<Failed>,
+}
+
+/// `scaling.json`.
+#[derive(Serialize)]
+struct Whole<'a> {
+    format: &'static str,
+    causes: &'a Causes,
+    rows: &'a [Row],
+    sizes: &'a [SizeRecord],
+    failed: &'a [Failed],
+}
+
+impl Job<'_> {
+    /// The weight of everything.
+    pub fn total_weight(&self) -> u64 {
+        self.plan.sizes().iter().map(Size::weight).sum()
+    }
+
+    /// What was found, after everything that was missing was measured and the pages were written.
+    ///
+    /// # Errors
+    /// When the directory cannot be written to.
+    pub fn run(&self, observer: &dyn Observer) -> Result<Found> {
+        let folder = self.out.join(RECORDS);
+        std::fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))?;
+        let (mut records, mut failed) = (Vec::new(), Vec::new());
+        for size in self.plan.sizes() {
+            observer.begin(&size.to_string());
+            let file = SizeRecord::file(&folder, &size);
+            if let Some(record) = SizeRecord::read(&file, &self.causes)? {
+                records.push(record);
+                observer.did(size.weight(), false);
+                continue;
+            }
+            match self.measure(&size) {
+                Ok(record) => {
+                    record.write(&file)?;
+                    records.push(record);
+                }
+                Err(error) => {
+                    let reason = error.to_string();
+                    observer.note(&format!("{size}: {reason}"));
+                    failed.push(Failed { size: size.to_string(), reason });
+                }
+            }
+            observer.did(size.weight(), true);
+        }
+        let found = Found { rows: rows(&self.plan, &records), failed };
+        self.write(&records, &found)?;
+        Ok(found)
+    }
+
+    fn measure(&self, size: &Size) -> Result<SizeRecord> {
+        let dir = self.out.join(CLIP);
+        // Left there by a run that was interrupted.
+        remove(&dir)?;
+        street::make(size, &dir)?;
+        let measured = self.meter.space(&dir).and_then(|space| Ok((space, self.meter.times(&dir)?)));
+        remove(&dir)?;
+        let (space, times) = measured?;
+        Ok(SizeRecord { causes: self.causes.clone(), size: *size, times, space })
+    }
+
+    fn write(&self, records: &[SizeRecord], found: &Found) -> Result<()> {
+        let Found { rows, failed } = found;
+        let whole = Whole { format: FORMAT, causes: &self.causes, rows, sizes: records, failed };
+        let json = json("scaling.json", &whole)?;
+        let page = html(&Page { machine: &self.causes.machine, rows, records, failed });
+        for (name, text) in [
+            ("scaling.json", json),
+            ("scaling.csv", csv::costs(rows)),
+            ("exponents.csv", csv::exponents(rows)),
+            ("sizes.csv", csv::sizes(records)),
+            ("scaling.html", page),
+        ] {
+            write_atomic(&self.out.join(name), text.as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+/// Nothing: afterwards there is no such directory.
+fn remove(dir: &Path) -> Result<()> {
+    match std::fs::remove_dir_all(dir) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FormatError::io(dir, "remove", error).into()),
+        _ => Ok(()),
+    }
+}
