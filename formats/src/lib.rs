@@ -15,6 +15,7 @@ pub mod cloud;
 pub mod exports;
 pub mod image;
 pub mod importers;
+pub mod jobs;
 pub mod lidar_motion;
 mod numpy;
 pub mod ply;

@@ -9,6 +9,7 @@ use super::TargetsConfig;
 use super::layout::is_clip_name;
 use crate::digest::hexadecimal;
 use crate::error::{FormatError, Result};
+use crate::jobs::{Part, PartManifest};
 use crate::read::{MAX_DATA_BYTES, file_size, read_file};
 use crate::write::write_atomic;
 
@@ -24,16 +25,6 @@ const BLOCK: usize = 1 << 20;
 /// File name of a shard by its place.
 pub fn shard_file(place: usize) -> String {
     format!("targets-{place:05}.safetensors")
-}
-
-/// One share of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Part {
-    /// Which share, from 1.
-    pub index: usize,
-    /// How many shares there are.
-    pub count: usize,
 }
 
 /// A clip of a shard.
@@ -145,6 +136,29 @@ impl Manifest {
     /// The first shard that has not, by its name.
     pub fn verify(&self, folder: &Path) -> Result<()> {
         self.shards.iter().try_for_each(|shard| shard.verify(folder))
+    }
+}
+
+impl PartManifest for Manifest {
+    fn read(path: &Path) -> Result<Self> {
+        Self::read(path)
+    }
+
+    fn part(&self) -> Option<Part> {
+        self.part
+    }
+
+    fn key(&self) -> String {
+        serde_json::to_string(&self.config).unwrap_or_default()
+    }
+
+    fn items(&self) -> &[String] {
+        &self.clips
+    }
+
+    fn times_tried(&self, item: &str) -> usize {
+        let done = self.shards.iter().flat_map(|shard| &shard.clips).filter(|record| record.clip == item).count();
+        done + self.failed.iter().filter(|failed| failed.clip == item).count()
     }
 }
 

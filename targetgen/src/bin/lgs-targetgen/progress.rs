@@ -23,7 +23,7 @@ impl Teller {
                 self.say(&format!("{todo} clips to do, {done} done before"));
             }
             Event::Done { clip, primitives, .. } => self.step(clip, &format!("{primitives} primitives")),
-            Event::Failed(failed) => self.step(&failed.clip, &format!("failed: {}", failed.reason)),
+            Event::Failed(failed) => self.step(&failed.item, &format!("failed: {}", failed.reason)),
             Event::Packing => self.say("packing"),
         }
     }

@@ -7,9 +7,10 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use lgs_cli::{Outcome, threads};
 use lgs_engine::allocator;
+use lgs_formats::jobs::choose_part;
 use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
 use lgs_formats::write::write_atomic;
-use lgs_targetgen::job::{self, Job, choose_part, find_clips};
+use lgs_targetgen::job::{self, Job, find_clips};
 use lgs_targetgen::report::{Summary, THRESHOLDS, html, summarise};
 
 use crate::args::{Args, Command, JobArgs, SamplingArgs, SceneArgs};

@@ -2,15 +2,30 @@
 
 use std::path::Path;
 
-use lgs_formats::targets::Part;
+use serde::{Deserialize, Serialize};
 
 use super::shares::{Shares, Task};
-use crate::error::{Result, TargetError};
+use crate::error::{FormatError, Result};
 
 const SLURM_ID: &str = "SLURM_ARRAY_TASK_ID";
 const INDEX: &str = "JOB_COMPLETION_INDEX";
 
-/// The share by the flag, else by the environment of a Slurm array task or of a Kubernetes indexed job, of the job in the folder `out`, and
+/// One share of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Which share, from 1.
+    pub index: usize,
+    /// How many shares there are.
+    pub count: usize,
+}
+
+/// File name of a part's manifest.
+pub fn part_file(part: Part) -> String {
+    format!("part-{}-of-{}.json", part.index, part.count)
+}
+
+/// The share that was asked for, else by the environment of a Slurm array task or of a Kubernetes indexed job, of the job in the folder `out`, and
 /// how that job is divided, for [`Shares::write`]; `None` for the whole job.
 ///
 /// `SLURM_ARRAY_TASK_ID` with `_MIN` and `_COUNT` (and `_STEP`, 1 when it is missing), or `JOB_COMPLETION_INDEX`, from 0, with
@@ -21,23 +36,23 @@ const INDEX: &str = "JOB_COMPLETION_INDEX";
 /// An environment that is not complete or does not fit together, or not with the folder's job.
 pub fn choose_part(
     out: &Path,
-    flag: Option<Part>,
+    asked: Option<Part>,
     variable: &dyn Fn(&str) -> Option<String>,
 ) -> Result<Option<(Part, Shares)>> {
-    let Some(task) = task(flag, variable)? else { return Ok(None) };
+    let Some(task) = task(out, asked, variable)? else { return Ok(None) };
     task.part(out, Shares::read(out)?).map(Some)
 }
 
-fn task(flag: Option<Part>, variable: &dyn Fn(&str) -> Option<String>) -> Result<Option<Task>> {
+fn task(out: &Path, asked: Option<Part>, variable: &dyn Fn(&str) -> Option<String>) -> Result<Option<Task>> {
     let whole =
         |name, number, first, count| Task { name, number, shares: Shares { first, step: 1, count }, is_whole: true };
-    if let Some(Part { index, count }) = flag {
+    if let Some(Part { index, count }) = asked {
         return Ok(Some(whole("part", index, 1, count)));
     }
-    let number = |name: &str| -> Result<usize> {
+    let number = |name: &'static str| -> Result<usize> {
         let text = variable(name).unwrap_or_default();
         let number = text.parse().ok();
-        number.ok_or_else(|| TargetError::unfit(name, "a number, or `part I/N`", format!("{text:?}")))
+        number.ok_or_else(|| FormatError::unfit(out, name, "a number, or `part I/N`", format!("{text:?}")))
     };
     if variable(SLURM_ID).is_some() {
         let (id, first, count) =
@@ -78,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn the_flag_goes_first() {
+    fn what_is_asked_for_goes_first() {
         let flag = Some(Part { index: 2, count: 5 });
         let find = |name: &str| (name == "SLURM_ARRAY_TASK_ID").then(|| "1".to_owned());
         let chosen = choose_part(Path::new("no such folder"), flag, &find).unwrap();

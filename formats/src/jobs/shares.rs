@@ -3,12 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use lgs_formats::error::FormatError;
-use lgs_formats::targets::Part;
-use lgs_formats::write::write_atomic;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Result, TargetError};
+use super::Part;
+use crate::{
+    error::{FormatError, Result},
+    write::write_atomic,
+};
 
 /// Name of the file that says how a job is divided.
 pub const SHARES_FILE: &str = "shares.json";
@@ -25,7 +26,7 @@ pub struct Shares {
     pub count: usize,
 }
 
-/// A task of a job as its flag or its scheduler calls it.
+/// A task of a job as its setting or its scheduler calls it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Task {
     /// What errors name.
@@ -48,24 +49,24 @@ impl Shares {
         let text = match fs::read(&file) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(FormatError::io(&file, "read", e).into()),
+            Err(e) => return Err(FormatError::io(&file, "read", e)),
         };
         let shares: Self =
             serde_json::from_slice(&text).map_err(|e| FormatError::syntax(&file, "shares", e.to_string()))?;
         if shares.step == 0 || shares.count == 0 {
-            return Err(FormatError::invalid(&file, "step, count", "1 or more", format!("{shares:?}")).into());
+            return Err(FormatError::invalid(&file, "step, count", "1 or more", format!("{shares:?}")));
         }
         Ok(Some(shares))
     }
 
-    /// Nothing: writes down how the job in a folder, which is made where it is missing, is divided.
+    /// Writes down how the job in a folder, which is made where it is missing, is divided.
     ///
     /// # Errors
     /// A folder that cannot be written to.
     pub fn write(&self, folder: &Path) -> Result<()> {
         fs::create_dir_all(folder).map_err(|e| FormatError::io(folder, "create", e))?;
         let text = serde_json::json!(self).to_string() + "\n";
-        Ok(write_atomic(&folder.join(SHARES_FILE), text.as_bytes())?)
+        write_atomic(&folder.join(SHARES_FILE), text.as_bytes())
     }
 
     /// The share of a task of this number.
@@ -97,13 +98,13 @@ impl Task {
             let expected =
                 format!("{} as {} says; another job goes into another folder", shares.in_words(), file.display());
             let found = format!("task {} of {}", self.number, self.shares.in_words());
-            return Err(TargetError::unfit(self.name, expected, found));
+            return Err(FormatError::unfit(folder, self.name, expected, found));
         }
         let found = format!(
             "task {} of {}; give `part I/N` where tasks are not numbered evenly",
             self.number, self.shares.count
         );
-        Err(TargetError::unfit(self.name, "tasks that are numbered evenly", found))
+        Err(FormatError::unfit(folder, self.name, "tasks that are numbered evenly", found))
     }
 }
 
