@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::{EngineError, Result};
-use crate::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
+use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::network::buffers::Buffers;
 use crate::network::config::ModelConfig;
 use crate::network::levels::{Levels, voxels_of};
@@ -36,7 +36,7 @@ pub enum QuerySkipped {
 
 /// Positions of chosen Gaussians.
 pub fn positions(set: &GaussianSet, chosen: &[usize]) -> impl Iterator<Item = [f32; 3]> {
-    chosen.iter().map(|&i| [0, 1, 2].map(|k| set.attributes[i][MEAN.start + k]))
+    chosen.iter().map(|&i| set.mean(i))
 }
 
 /// Decoder features of the `LiDAR` branch.
@@ -103,7 +103,7 @@ pub fn query(features: &mut Features, set: &GaussianSet, model: &FoldedModel) ->
     Ok(None)
 }
 
-/// Nothing, when nobody's outputs had to be skipped.
+/// Fails where outputs had to be skipped.
 fn all_finite(skipped: &[usize], count: usize) -> Result<()> {
     let Some(first) = skipped.first() else { return Ok(()) };
     let found = format!("others for {} of {count}, the first of them Gaussian {first}", skipped.len());
@@ -216,6 +216,7 @@ impl PolicyInputs {
 #[cfg(test)]
 mod tests {
     use super::{GaussianSet, other_time_neighbours};
+    use crate::gaussians::Gaussian;
 
     /// Three frames of twenty primitives each, all over the same place.
     fn scene(time: impl Fn(u32, u32) -> f32) -> GaussianSet {
@@ -223,10 +224,7 @@ mod tests {
         for (frame, i) in (0..3).flat_map(|frame| (0..20).map(move |i| (frame, i))) {
             let mut row = [0.0; 14];
             row[0] = (i * 7 % 20) as f32 + 0.3 * frame as f32;
-            set.attributes.push(row);
-            set.times.push(time(frame, i));
-            set.frames.push(frame);
-            set.velocities.push([0.0; 3]);
+            set.push(Gaussian { attributes: row, time: time(frame, i), frame, velocity: [0.0; 3] });
         }
         set.num_lidar = set.len();
         set

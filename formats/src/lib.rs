@@ -1,5 +1,6 @@
 //! Bytes to validated host structs and back: clips, sweeps, images, splat clouds, targets. No tensors, no threads.
 
+pub mod casts;
 pub mod digest;
 pub mod error;
 pub mod frame_list;

@@ -75,7 +75,7 @@ pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
 pub(crate) fn splat_of(set: &GaussianSet, i: usize) -> Splat {
     let row = &set.attributes[i];
     Splat {
-        mean: std::array::from_fn(|k| row[MEAN.start + k]),
+        mean: set.mean(i),
         quat: std::array::from_fn(|k| row[QUAT.start + k]),
         scale: std::array::from_fn(|k| scale_of(row[LOG_SCALE.start + k], i < set.num_lidar)),
         opacity: sigmoid(row[LOGIT_OPACITY]),

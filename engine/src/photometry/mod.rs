@@ -10,12 +10,13 @@ mod observations;
 #[cfg(test)]
 mod tests;
 
+use lgs_formats::casts::to_f32;
 use serde::{Deserialize, Serialize};
 
 pub use grey::put_aside;
 
 use crate::{
-    views::{Response, View, to_f32},
+    views::{Response, View},
     words::Words,
 };
 use fit::{Fit, Shown, fit};
@@ -60,7 +61,7 @@ pub struct CommonColours {
 }
 
 impl CommonColours {
-    /// Nothing: the images of these views, as the cameras took them, become such of common colours.
+    /// Makes the images of these views, as the cameras took them, such of common colours.
     pub fn apply(&self, views: &mut [View]) {
         for view in views {
             if self.grey.contains(&view.camera) {

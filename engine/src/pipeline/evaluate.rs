@@ -31,7 +31,7 @@ pub enum Figures<'a> {
         /// The perceptual distance, when there is one.
         lpips: Option<&'a Lpips>,
     },
-    /// Nothing: the cameras are drawn at this moment (seconds since time zero), of which there is no image.
+    /// No truth: the cameras are drawn at this moment (seconds since time zero), of which there is no image.
     AtTime(f32),
 }
 

@@ -11,7 +11,7 @@ use crate::gaussians::GaussianSet;
 use crate::network::model::FoldedModel;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
-use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
+use crate::refine::{KnownObjective, RefineSettings, RefineSummary, Refined, refine_and_measure};
 use crate::views::View;
 
 /// How the network is used.
@@ -54,7 +54,7 @@ pub struct NetworkRun {
     /// The policy's scores; `None` where there was no set update.
     pub density: Option<DensityMap>,
     /// Loss and gradient of the refined scene, where they were asked for and are known.
-    pub measured: Option<Measured>,
+    pub measured: Option<KnownObjective>,
 }
 
 /// Why there was no set update.
@@ -113,7 +113,7 @@ impl<'a> NetworkSettings<'a> {
             model,
             refine: RefineSettings {
                 steps: recipe.refine_steps,
-                turns: recipe.turns(seed),
+                schedule: recipe.view_schedule(seed),
                 reduce: recipe.refine_reduce,
                 until,
                 line_search: recipe.line_search,

@@ -98,14 +98,13 @@ pub(super) fn optimise(
     watch: &mut Watch<'_>,
     done: &mut dyn FnMut(&Reconstruction, &StageTimes),
 ) -> Result<()> {
-    let (steps, turns, reduce) = (run.adam_steps(), run.recipe.turns(run.seed), run.recipe.refine_reduce);
-    let num_lidar = made.scene.num_lidar;
-    check_refinement([num_lidar, made.scene.len() - num_lidar], None, MemorySettings::default())?;
+    let (steps, schedule, reduce) = (run.adam_steps(), run.recipe.view_schedule(run.seed), run.recipe.refine_reduce);
+    check_refinement([made.scene.num_lidar, made.scene.num_background()], None, MemorySettings::default())?;
     let (start, mut waited) = (Instant::now(), Duration::ZERO);
     // A step draws the views once, as the learned refinement has.
     let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
     let mut step_s = refined.or(run.deadline.map(|deadline| deadline.adam_step_s)).unwrap_or(0.0);
-    let mut adam = made.begin_adam(turns, reduce, inputs.views().len());
+    let mut adam = made.begin_adam(schedule, reduce, inputs.views().len());
     let (before, refine_before) = (made.seconds, watch.times.refine);
     watch.progress.begin(Stage::Refine, steps);
     let full: Vec<&View> = inputs.views().iter().collect();

@@ -7,4 +7,4 @@ mod record;
 
 pub use budget::{Budget, Chosen, choose};
 pub use least_squares::non_negative;
-pub use record::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};
+pub use record::{ClipWork, MeasuredRecipe, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};

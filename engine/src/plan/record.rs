@@ -41,7 +41,7 @@ pub struct RecordedClip {
 /// A recipe and its figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Measured {
+pub struct MeasuredRecipe {
     /// The recipe.
     pub recipe: Recipe,
     /// Of each clip, mean PSNR over the held-out views, dB.
@@ -95,7 +95,7 @@ pub struct Record {
     /// The clips.
     pub clips: Vec<RecordedClip>,
     /// The recipes.
-    pub recipes: Vec<Measured>,
+    pub recipes: Vec<MeasuredRecipe>,
 }
 
 impl Record {
@@ -118,7 +118,7 @@ impl Record {
         if record.format != PRESETS_FORMAT {
             return Err(wrong(PRESETS_FORMAT.to_owned(), record.format));
         }
-        let of_every_clip = |row: &Measured| [row.psnr.len(), row.seconds.len()] == [record.clips.len(); 2];
+        let of_every_clip = |row: &MeasuredRecipe| [row.psnr.len(), row.seconds.len()] == [record.clips.len(); 2];
         if record.clips.is_empty() || !record.recipes.iter().all(of_every_clip) {
             return Err(wrong("figures of every recipe on every clip".to_owned(), "others".to_owned()));
         }
@@ -141,12 +141,12 @@ impl Record {
     }
 
     /// Seconds that a recipe would take on a clip, on the machine that measured.
-    pub(super) fn seconds(&self, row: &Measured, work: &ClipWork) -> f64 {
+    pub(super) fn seconds(&self, row: &MeasuredRecipe, work: &ClipWork) -> f64 {
         fit::seconds(&self.of_clips(row.seconds.iter().copied()), work)
     }
 
     /// Decibels that a recipe stays behind the best one, on clips like this one.
-    pub(super) fn behind(&self, row: &Measured, work: &ClipWork) -> f64 {
+    pub(super) fn behind(&self, row: &MeasuredRecipe, work: &ClipWork) -> f64 {
         let best = |clip: usize| self.recipes.iter().map(|row| row.psnr[clip]).fold(f64::NEG_INFINITY, f64::max);
         let behind = row.psnr.iter().enumerate().map(|(clip, psnr)| best(clip) - psnr);
         fit::alike(&self.of_clips(behind), work)

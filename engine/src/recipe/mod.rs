@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     densify::{Density, Limit, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
-    refine::{LineSearch, Turns},
+    refine::{LineSearch, ViewSchedule},
 };
 
 pub use knobs::{KNOBS, Knob};
@@ -86,8 +86,8 @@ impl Recipe {
     }
 
     /// The views that a step looks at.
-    pub const fn turns(&self, seed: u64) -> Turns {
-        Turns { views_per_step: self.refine_views, seed }
+    pub const fn view_schedule(&self, seed: u64) -> ViewSchedule {
+        ViewSchedule { views_per_step: self.refine_views, seed }
     }
 
     /// What the scene begins with.

@@ -90,10 +90,13 @@ impl RenderedWithState {
     /// Bytes that the gradient pass keeps and needs beside the Gaussians and the images.
     pub fn state_bytes(&self) -> usize {
         let lists = &self.lists;
-        let indices = lists.first_slot.len() + lists.slots.len() + lists.first_entry.len() + lists.entries.len();
+        let indices = lists.first_of_splat.len()
+            + lists.places_of_splats.len()
+            + lists.first_of_tile.len()
+            + lists.intersections.len();
         4 * (indices + self.tiles.len())
             + size_of_val(lists.footprints.as_slice())
-            + lists.entries.len() * size_of::<backward::Moments>()
+            + lists.intersections.len() * size_of::<backward::Moments>()
     }
 
     /// Indices of the Gaussians that can reach a pixel, nearest first.
@@ -112,9 +115,9 @@ impl RenderedWithState {
         &self.planes_of(tile)[STOP * TILE_PIXELS..]
     }
 
-    /// Number of pairs of a Gaussian and a tile that it can reach.
+    /// Number of intersections of a Gaussian and a tile that it can reach.
     pub fn num_intersections(&self) -> usize {
-        self.lists.entries.len()
+        self.lists.intersections.len()
     }
 }
 

@@ -120,7 +120,7 @@ impl Manifest {
         }
     }
 
-    /// Nothing: writes the manifest, atomically.
+    /// Writes the manifest, atomically.
     ///
     /// # Errors
     /// A path that cannot be written to.
@@ -130,7 +130,7 @@ impl Manifest {
         write_atomic(path, (text + "\n").as_bytes())
     }
 
-    /// Nothing: every shard in the manifest's folder has the size and the SHA-256 that the manifest says.
+    /// Fails unless every shard in the manifest's folder has the size and the SHA-256 that the manifest says.
     ///
     /// # Errors
     /// The first shard that has not, by its name.
@@ -172,7 +172,7 @@ impl ShardRecord {
         Ok(Self { bytes: file_size(&path, MAX_DATA_BYTES)?, sha256: sha256_of(&path)?, file, clips })
     }
 
-    /// Nothing: the file has the size and the SHA-256 that the record says.
+    /// Fails unless the file has the size and the SHA-256 that the record says.
     ///
     /// # Errors
     /// When it has not.

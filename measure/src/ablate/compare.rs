@@ -50,7 +50,7 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
     ] {
         add(what.to_owned(), &|r| Some(main(r)? - variant(other)(r)?));
     }
-    let Some(settings) = records.first().map(|record| &record.causes.settings) else { return all };
+    let Some(settings) = records.first().map(|record| &record.key.settings) else { return all };
     let of = |name: String| move |r: &ClipRecord| r.variant(&name)?.figures.psnr;
     let without = variant(names::POLICY_OFF);
     for &limit in &settings.limits {

@@ -12,9 +12,9 @@ use serde::Serialize;
 use super::{
     compare::{Comparison, comparisons},
     csv::figures,
-    markdown::{Found, markdown},
+    markdown::{AblationRecords, markdown},
     picture::picture,
-    record::{CLIP_FORMAT, Causes, ClipRecord},
+    record::{CLIP_FORMAT, CacheKey, ClipRecord},
     scene::{measure, num_told},
     settings::Settings,
     subject::Subject,
@@ -41,7 +41,7 @@ pub struct Hashed<'a, T> {
 
 /// What is to be measured.
 #[derive(Debug)]
-pub struct Job<'a> {
+pub struct AblationJob<'a> {
     /// Scenes that means and tests are taken over.
     pub scenes: Vec<Choice>,
     /// Clips that stand for themselves; they are measured first.
@@ -88,7 +88,7 @@ struct Page<'a> {
     clips: &'a [ClipRecord],
 }
 
-impl Job<'_> {
+impl AblationJob<'_> {
     /// The settings of every clip, clips that stand for themselves first.
     fn all(&self) -> Vec<(&Choice, Settings)> {
         let clips = self.clips.iter().map(|choice| (choice, self.settings.clone()));
@@ -134,7 +134,7 @@ impl Job<'_> {
         observer: &dyn Observer,
     ) -> Result<ClipRecord> {
         let dir = open(choice)?;
-        let causes = Causes {
+        let key = CacheKey {
             format: CLIP_FORMAT.to_owned(),
             weights: self.model.sha256.to_owned(),
             lpips: self.lpips.as_ref().map(|lpips| lpips.sha256.to_owned()),
@@ -142,8 +142,8 @@ impl Job<'_> {
             choice: choice.recorded(),
             settings,
         };
-        let (file, asked) = (ClipRecord::file(records, index, &dir.clip().name), num_told(&causes.settings));
-        if let Some(record) = ClipRecord::read(&file, &causes)? {
+        let (file, asked) = (ClipRecord::file(records, index, &dir.clip().name), num_told(&key.settings));
+        if let Some(record) = ClipRecord::read(&file, &key)? {
             observer.begin(&choice.dir, true);
             observer.end(&record, asked);
             return Ok(record);
@@ -151,7 +151,7 @@ impl Job<'_> {
         observer.begin(&choice.dir, false);
         let subject = Subject::load(dir, choice, self.lpips.as_ref().map(|lpips| lpips.value))?;
         let mut told = 0;
-        let record = measure(&subject, self.model.value, causes, &mut |steps| {
+        let record = measure(&subject, self.model.value, key, &mut |steps| {
             told += steps;
             observer.step(steps);
         })?;
@@ -163,7 +163,7 @@ impl Job<'_> {
     /// The page of tables, written with everything else that the records say together.
     fn write(&self, scenes: &[ClipRecord], clips: &[ClipRecord]) -> Result<String> {
         let put = |name: &str, text: &str| write_atomic(&self.out.join(name), text.as_bytes());
-        let page = markdown(Found { scenes, clips });
+        let page = markdown(AblationRecords { scenes, clips });
         put("ablation.md", &page)?;
         put("ablation.csv", &figures(&clips.iter().chain(scenes).collect::<Vec<_>>()))?;
         let whole = Page {

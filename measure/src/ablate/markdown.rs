@@ -14,7 +14,7 @@ use crate::{means::Means, statistics::Spread};
 
 /// What was found on the scenes that means are taken over, and on clips that stand for themselves.
 #[derive(Clone, Copy, Debug)]
-pub struct Found<'a> {
+pub struct AblationRecords<'a> {
     /// The scenes.
     pub scenes: &'a [ClipRecord],
     /// The clips.
@@ -25,11 +25,11 @@ pub struct Found<'a> {
 type Row<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
 
 /// The page.
-pub fn markdown(found: Found<'_>) -> String {
+pub fn markdown(found: AblationRecords<'_>) -> String {
     let mut text = String::new();
     let all = || found.scenes.iter().chain(found.clips);
     let Some(first) = all().next() else { return text };
-    line(&mut text, &format!("Weights: SHA-256 `{}`.", first.causes.weights));
+    line(&mut text, &format!("Weights: SHA-256 `{}`.", first.key.weights));
     let views: [usize; 2] = [0, 1].map(|k| found.scenes.iter().map(|record| record.views[k]).sum());
     let scenes = format!("{} scenes ({} input and {} held-out views)", found.scenes.len(), views[0], views[1]);
     line(
@@ -54,7 +54,7 @@ fn mean(spread: Option<Spread>, digits: usize) -> String {
     spread.map_or("–".to_owned(), |s| format!("{:.*} ± {:.*}", digits, s.mean, digits, s.deviation))
 }
 
-impl<'a> Found<'a> {
+impl<'a> AblationRecords<'a> {
     fn head(&self, text: &mut String, title: &str, first: &str) {
         line(text, &format!("### {title}"));
         let names: String = self.clips.iter().map(|record| format!(" {} |", record.clip)).collect();
@@ -81,7 +81,7 @@ impl<'a> Found<'a> {
         self.head(text, "Learned refinement", "steps");
         self.row(text, "initial Gaussians", &|r| Some(r.start));
         let all = self.scenes.iter().chain(self.clips);
-        for steps in 0..=all.map(|r| r.causes.settings.refine_steps).max().unwrap_or(0) {
+        for steps in 0..=all.map(|r| r.key.settings.refine_steps).max().unwrap_or(0) {
             self.row(text, &steps.to_string(), &|r| Some(r.learned_at(steps)?.figures));
         }
         text.push('\n');

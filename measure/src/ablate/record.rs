@@ -19,7 +19,7 @@ pub const CLIP_FORMAT: &str = "lgs-ablation-clip/1";
 /// What decides the result of a clip: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Causes {
+pub struct CacheKey {
     /// [`CLIP_FORMAT`].
     pub format: String,
     /// SHA-256 of the weights.
@@ -72,7 +72,7 @@ pub struct Variant {
 #[serde(deny_unknown_fields)]
 pub struct ClipRecord {
     /// What decides it.
-    pub causes: Causes,
+    pub key: CacheKey,
     /// Name of the clip.
     pub clip: String,
     /// Input and held-out views.
@@ -103,15 +103,15 @@ impl ClipRecord {
         dir.join(format!("{}.json", file_stem(index, clip)))
     }
 
-    /// The record in `file`; `None` where there is none, or one of other causes.
+    /// The record in `file`; `None` where there is none, or one of other key.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, causes: &Causes) -> Result<Option<Self>> {
-        Ok(read_record(file)?.filter(|record: &Self| &record.causes == causes))
+    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+        Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 
-    /// Nothing: afterwards `file` holds the record.
+    /// Writes the record into `file`.
     ///
     /// # Errors
     /// When it cannot be written.

@@ -8,7 +8,7 @@ use lgs_engine::{
     network::model::FoldedModel,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
     refine::{
-        Turns,
+        ViewSchedule,
         adam::{Adam, AdamSettings},
         refine_and_measure,
     },
@@ -16,7 +16,7 @@ use lgs_engine::{
 use lgs_train::velocity::{TrueVelocities, VelocityErrors};
 
 use super::{
-    record::{Causes, ClipRecord, Point, Variant},
+    record::{CacheKey, ClipRecord, Point, Variant},
     settings::{STEPS, Settings},
     subject::Subject,
     ways::{ANY, Way, names, ways},
@@ -44,20 +44,20 @@ pub fn num_told(settings: &Settings) -> u64 {
     (adam + settings.refine_steps + (5 + 2 * (settings.thresholds.len() + settings.limits.len())) * STEPS) as u64
 }
 
-/// Everything about the clip that `causes` ask for; `told` hears how many steps have been done.
+/// Everything about the clip that `key` ask for; `told` hears how many steps have been done.
 ///
 /// # Errors
 /// Whatever is wrong with the clip; a scene that draws what is not finite.
 pub fn measure(
     subject: &Subject<'_>,
     model: &FoldedModel,
-    causes: Causes,
+    key: CacheKey,
     told: &mut dyn FnMut(u64),
 ) -> Result<ClipRecord> {
     let begun = Instant::now();
     let start = subject.start()?.scene;
     let start_seconds = begun.elapsed().as_secs_f64();
-    let settings = causes.settings.clone();
+    let settings = key.settings.clone();
     let bench = Bench { subject, model, settings: &settings, start };
     let mut way = Way { query: true, density: Density::Policy, thresholds: Thresholds::default(), limit: None };
     let (main, density) = bench.make(way)?;
@@ -85,10 +85,10 @@ pub fn measure(
     }
     let velocity = bench.velocity(policy_skipped.is_some().then_some([&main.scene, &refined]), told)?;
     Ok(ClipRecord {
-        causes,
+        key,
         clip: subject.session().clip().name.clone(),
         views: subject.num_views(),
-        gaussians: [bench.start.num_lidar, bench.start.len() - bench.start.num_lidar],
+        gaussians: [bench.start.num_lidar, bench.start.num_background()],
         start: subject.figures(&bench.start)?.into(),
         learned,
         adam,
@@ -176,7 +176,7 @@ impl Bench<'_> {
     fn adam(&self, from: &GaussianSet, told: &mut dyn FnMut(u64)) -> Result<Vec<Point>> {
         let (mut scene, views) = (from.clone(), self.subject.views());
         let settings = AdamSettings {
-            turns: Turns { views_per_step: self.settings.adam_views, seed: self.settings.seed },
+            schedule: ViewSchedule { views_per_step: self.settings.adam_views, seed: self.settings.seed },
             ..AdamSettings::default()
         };
         let (mut adam, mut seconds) = (Adam::new(scene.len(), settings), 0.0);

@@ -30,7 +30,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Nothing.
+    /// Fails for the first value out of its range.
     ///
     /// # Errors
     /// The first value out of its range.

@@ -4,11 +4,11 @@ use lgs_pages::csv;
 
 use super::{
     record::SizeRecord,
-    table::{Growth, Row},
+    table::{Growth, PartRow},
 };
 
 /// What each part cost at each size, a line for each.
-pub(super) fn costs(rows: &[Row]) -> String {
+pub(super) fn costs(rows: &[PartRow]) -> String {
     let head = [
         "axis",
         "points",
@@ -44,11 +44,11 @@ pub(super) fn costs(rows: &[Row]) -> String {
 }
 
 /// The laws, a line for each part along each axis.
-pub(super) fn exponents(rows: &[Row]) -> String {
+pub(super) fn exponents(rows: &[PartRow]) -> String {
     let law = "work,exponent,standard_error,sizes".split(',');
     let names = ["time", "memory"].into_iter().flat_map(|kind| law.clone().map(move |name| format!("{kind}_{name}")));
     let head: Vec<String> = ["axis", "part"].map(str::to_owned).into_iter().chain(names).collect();
-    let values = |row: &Row, growth: Growth| {
+    let values = |row: &PartRow, growth: Growth| {
         let law = growth.law;
         [
             growth.unit(row.units),

@@ -10,9 +10,9 @@ use super::{
     measure::{Space, Times},
     page::{Page, html},
     plan::{Plan, Size},
-    record::{Causes, SizeRecord},
+    record::{CacheKey, SizeRecord},
     street,
-    table::{Row, rows},
+    table::{PartRow, rows},
 };
 use crate::{error::Result, records::json, sweep::job::Observer};
 
@@ -39,11 +39,11 @@ pub trait Meter: std::fmt::Debug {
 
 /// What is to be measured.
 #[derive(Debug)]
-pub struct Job<'a> {
+pub struct ScalingJob<'a> {
     /// The sizes.
     pub plan: Plan,
     /// What decides the figures beside the sizes.
-    pub causes: Causes,
+    pub key: CacheKey,
     /// Directory of the results.
     pub out: PathBuf,
     /// Measures.
@@ -61,9 +61,9 @@ pub struct Failed {
 
 /// What a job found.
 #[derive(Debug, Default)]
-pub struct Found {
+pub struct ScalingFindings {
     /// Each part along each axis.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PartRow>,
     /// What could not be measured.
     pub failed: Vec<Failed>,
 }
@@ -72,13 +72,13 @@ pub struct Found {
 #[derive(Serialize)]
 struct Whole<'a> {
     format: &'static str,
-    causes: &'a Causes,
-    rows: &'a [Row],
+    key: &'a CacheKey,
+    rows: &'a [PartRow],
     sizes: &'a [SizeRecord],
     failed: &'a [Failed],
 }
 
-impl Job<'_> {
+impl ScalingJob<'_> {
     /// The weight of everything.
     pub fn total_weight(&self) -> u64 {
         self.plan.sizes().iter().map(Size::weight).sum()
@@ -88,14 +88,14 @@ impl Job<'_> {
     ///
     /// # Errors
     /// When the directory cannot be written to.
-    pub fn run(&self, observer: &dyn Observer) -> Result<Found> {
+    pub fn run(&self, observer: &dyn Observer) -> Result<ScalingFindings> {
         let folder = self.out.join(RECORDS);
         std::fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))?;
         let (mut records, mut failed) = (Vec::new(), Vec::new());
         for size in self.plan.sizes() {
             observer.begin(&size.to_string());
             let file = SizeRecord::file(&folder, &size);
-            if let Some(record) = SizeRecord::read(&file, &self.causes)? {
+            if let Some(record) = SizeRecord::read(&file, &self.key)? {
                 records.push(record);
                 observer.did(size.weight(), false);
                 continue;
@@ -113,7 +113,7 @@ impl Job<'_> {
             }
             observer.did(size.weight(), true);
         }
-        let found = Found { rows: rows(&self.plan, &records), failed };
+        let found = ScalingFindings { rows: rows(&self.plan, &records), failed };
         self.write(&records, &found)?;
         Ok(found)
     }
@@ -126,14 +126,14 @@ impl Job<'_> {
         let measured = self.meter.space(&dir).and_then(|space| Ok((space, self.meter.times(&dir)?)));
         remove(&dir)?;
         let (space, times) = measured?;
-        Ok(SizeRecord { causes: self.causes.clone(), size: *size, times, space })
+        Ok(SizeRecord { key: self.key.clone(), size: *size, times, space })
     }
 
-    fn write(&self, records: &[SizeRecord], found: &Found) -> Result<()> {
-        let Found { rows, failed } = found;
-        let whole = Whole { format: FORMAT, causes: &self.causes, rows, sizes: records, failed };
+    fn write(&self, records: &[SizeRecord], found: &ScalingFindings) -> Result<()> {
+        let ScalingFindings { rows, failed } = found;
+        let whole = Whole { format: FORMAT, key: &self.key, rows, sizes: records, failed };
         let json = json("scaling.json", &whole)?;
-        let page = html(&Page { machine: &self.causes.machine, rows, records, failed });
+        let page = html(&Page { machine: &self.key.machine, rows, records, failed });
         for (name, text) in [
             ("scaling.json", json),
             ("scaling.csv", csv::costs(rows)),
@@ -147,7 +147,7 @@ impl Job<'_> {
     }
 }
 
-/// Nothing: afterwards there is no such directory.
+/// Removes a directory, where there is one.
 fn remove(dir: &Path) -> Result<()> {
     match std::fs::remove_dir_all(dir) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FormatError::io(dir, "remove", error).into()),

@@ -18,8 +18,8 @@ use lgs_formats::clip_dir::ClipDir;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    laps::{Laps, Wanted},
     part::Part,
+    profiler::{StageProfiler, Wanted},
     work::Work,
 };
 use crate::error::Result;
@@ -134,8 +134,8 @@ impl Bench<'_> {
 
     /// One way through the pipeline, from the files to the figures.
     fn pass(&self, wanted: Wanted) -> Result<Passed> {
-        let laps = Laps::new(wanted);
-        let (mut watch, start) = (Watch::new(&laps), Instant::now());
+        let profiler = StageProfiler::new(wanted);
+        let (mut watch, start) = (Watch::new(&profiler), Instant::now());
         let session = self.open(&mut watch)?;
         let made = session.run(&self.run(), &mut watch)?;
         let (scene, scores) = (to_physical(&made.scene), made.density.as_ref().map(DensityMap::splats));
@@ -146,7 +146,7 @@ impl Bench<'_> {
         })?;
         let total = start.elapsed().as_secs_f64();
         let times = watch.times;
-        let found = laps.found();
+        let found = profiler.found();
         let mut seconds = found.seconds;
         let stages = Stage::ALL.into_iter().filter_map(|stage| Some((Part::of(stage)?, times.get(stage))));
         seconds.extend(stages.filter(|(_, seconds)| *seconds > 0.0));

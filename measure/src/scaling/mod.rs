@@ -13,7 +13,7 @@ pub mod part;
 
 pub mod work;
 
-pub mod laps;
+pub mod profiler;
 
 pub mod measure;
 

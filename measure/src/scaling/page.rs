@@ -1,5 +1,6 @@
 //! `scaling.html`: one file that shows what was measured, without anything from elsewhere.
 
+use lgs_formats::casts::rounded;
 use lgs_pages::{document, escape, or_dash, section, table, thousands};
 
 use super::{
@@ -9,7 +10,7 @@ use super::{
     plan::Axis,
     plot::{Cost, exponent, svg},
     record::SizeRecord,
-    table::Row,
+    table::PartRow,
 };
 use crate::{machine::Machine, statistics::Quartiles, sweep::report::STYLE as SHARED};
 
@@ -19,7 +20,7 @@ const STYLE: &str = include_str!("style.css");
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Page<'a> {
     pub(super) machine: &'a Machine,
-    pub(super) rows: &'a [Row],
+    pub(super) rows: &'a [PartRow],
     pub(super) records: &'a [SizeRecord],
     pub(super) failed: &'a [Failed],
 }
@@ -28,7 +29,7 @@ pub(super) struct Page<'a> {
 pub(super) fn html(page: &Page<'_>) -> String {
     let mut body = header(page);
     for axis in Axis::ALL {
-        let rows: Vec<&Row> = page.rows.iter().filter(|row| row.axis == axis).collect();
+        let rows: Vec<&PartRow> = page.rows.iter().filter(|row| row.axis == axis).collect();
         let title = match axis {
             Axis::Points => "More points, images of one size",
             Axis::Pixels => "More pixels, clips of as many points",
@@ -74,7 +75,7 @@ fn header(page: &Page<'_>) -> String {
     )
 }
 
-fn named(row: &Row) -> String {
+fn named(row: &PartRow) -> String {
     let of = |kind: &str, law: Option<PowerLaw>| {
         law.filter(PowerLaw::is_steep)
             .map(|law| format!("{} of {} ({kind}, {})", row.part.key(), row.axis.name(), exponent(&law)))
@@ -82,7 +83,7 @@ fn named(row: &Row) -> String {
     [of("time", row.time.law), of("memory", row.memory.law)].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn law_table(rows: &[&Row]) -> String {
+fn law_table(rows: &[&PartRow]) -> String {
     let head = [
         "part",
         "work in",
@@ -101,7 +102,7 @@ fn law_table(rows: &[&Row]) -> String {
         let (Some(first), Some(last)) = (row.points.first(), row.points.last()) else { continue };
         let seconds = |spread: Option<Quartiles>| spread.map_or("–".to_owned(), |s| format!("{:.4}", s.median));
         body += &format!("<tr><th>{}</th><td class=\"text\">{}</td>", row.part.key(), row.time.unit(row.units));
-        let work = |point| thousands(whole(row.time.work(point)));
+        let work = |point| thousands(rounded(row.time.work(point)));
         for cell in [
             work(first),
             work(last),
@@ -162,22 +163,13 @@ fn size_table(records: &[SizeRecord]) -> String {
     table(&head, &body)
 }
 
-fn plots(rows: &[Row], cost: Cost) -> String {
+fn plots(rows: &[PartRow], cost: Cost) -> String {
     let mut all = String::new();
     for part in Part::ALL {
-        let of: Vec<&Row> = rows.iter().filter(|row| row.part == part).collect();
+        let of: Vec<&PartRow> = rows.iter().filter(|row| row.part == part).collect();
         let alike = of.iter().all(|row| row.units == of[0].units);
-        let groups: Vec<&[&Row]> = if alike { vec![of.as_slice()] } else { of.chunks(1).collect() };
+        let groups: Vec<&[&PartRow]> = if alike { vec![of.as_slice()] } else { of.chunks(1).collect() };
         all += &groups.into_iter().map(|group| svg(group, cost)).collect::<String>();
     }
     format!("<div class=\"plots\">\n{all}</div>\n")
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of work are at least 0 and far below 2^53"
-)]
-fn whole(work: f64) -> usize {
-    work.round() as usize
 }

@@ -5,7 +5,7 @@ use lgs_pages::{self as pages, Plot, Scale, escape};
 use super::{
     fit::PowerLaw,
     plan::Axis,
-    table::{Growth, Point, Row},
+    table::{Growth, PartRow, Point},
 };
 
 /// What is plotted of rows.
@@ -32,14 +32,14 @@ impl Cost {
         }
     }
 
-    const fn of(self, row: &Row) -> Growth {
+    const fn of(self, row: &PartRow) -> Growth {
         match self {
             Self::Seconds => row.time,
             Self::Memory => row.memory,
         }
     }
 
-    fn dot(self, row: &Row, point: &Point) -> Option<Dot> {
+    fn dot(self, row: &PartRow, point: &Point) -> Option<Dot> {
         let work = self.of(row).work(point);
         let cost = match self {
             Self::Seconds => point.seconds.map(|s| [s.q1, s.median, s.q3])?,
@@ -53,8 +53,8 @@ impl Cost {
 }
 
 /// The costs of a part along the axes that count its work alike; empty where nothing is known.
-pub(super) fn svg(rows: &[&Row], cost: Cost) -> String {
-    let series: Vec<(&Row, Vec<Dot>)> =
+pub(super) fn svg(rows: &[&PartRow], cost: Cost) -> String {
+    let series: Vec<(&PartRow, Vec<Dot>)> =
         rows.iter().map(|row| (*row, row.points.iter().filter_map(|point| cost.dot(row, point)).collect())).collect();
     let dots = || series.iter().flat_map(|(_, dots)| dots);
     let Some((first, _)) = series.iter().find(|(_, dots)| !dots.is_empty()) else { return String::new() };
@@ -89,7 +89,7 @@ pub(super) fn exponent(law: &PowerLaw) -> String {
     format!("{:.2} ± {:.2}", law.exponent, law.standard_error)
 }
 
-fn says(row: &Row, law: PowerLaw) -> String {
+fn says(row: &PartRow, law: PowerLaw) -> String {
     let class = if law.is_steep() { " class=\"steep\"" } else { "" };
     format!("<span{class}>{} {}</span>", row.axis.name(), exponent(&law))
 }

@@ -20,7 +20,7 @@ pub const SIZE_FORMAT: &str = "lgs-scaling-size/1";
 /// What decides the figures beside the size: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Causes {
+pub struct CacheKey {
     /// [`SIZE_FORMAT`].
     pub format: String,
     /// SHA-256 of the weights; `None` without a network.
@@ -38,7 +38,7 @@ pub struct Causes {
 #[serde(deny_unknown_fields)]
 pub struct SizeRecord {
     /// What decides it.
-    pub causes: Causes,
+    pub key: CacheKey,
     /// The size that was asked for.
     pub size: Size,
     /// Time.
@@ -53,15 +53,15 @@ impl SizeRecord {
         folder.join(format!("{}_{}x{}.json", size.points, size.height, size.width))
     }
 
-    /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other causes.
+    /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other key.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, causes: &Causes) -> Result<Option<Self>> {
-        Ok(read_record(file)?.filter(|record: &Self| &record.causes == causes))
+    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+        Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 
-    /// Nothing: afterwards `file` holds the record.
+    /// Writes the record into `file`.
     ///
     /// # Errors
     /// When it cannot be written.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use lgs_formats::casts::rounded;
 use lgs_train::scenes::{
     Scene, SceneConfig,
     config::Split,
@@ -55,15 +56,6 @@ fn set_rays(lidar: &mut LidarSpec, rays: usize) {
     let beams = rounded((rays as f64 / RAYS_PER_BEAM).sqrt());
     lidar.num_beams = beams.clamp(1, MOST_BEAMS);
     lidar.num_azimuths = (rays / lidar.num_beams).max(1);
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of rays are far below 2^53, and positive"
-)]
-fn rounded(value: f64) -> usize {
-    value.round() as usize
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ const LEAST_MB: f64 = 8.0;
 
 /// A part along an axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct PartRow {
     /// The axis.
     pub axis: Axis,
     /// The part.
@@ -57,7 +57,7 @@ pub struct Point {
 /// A cost of a part at a size, where it is known.
 type Cost = fn(&Point) -> Option<f64>;
 
-impl Row {
+impl PartRow {
     /// Whether the time or the memory grows clearly faster than the work.
     pub fn is_steep(&self) -> bool {
         [self.time, self.memory].into_iter().filter_map(|growth| growth.law).any(|law| law.is_steep())
@@ -83,17 +83,17 @@ impl Growth {
 }
 
 /// The rows of both axes, of parts that ran.
-pub fn rows(plan: &Plan, records: &[SizeRecord]) -> Vec<Row> {
+pub fn rows(plan: &Plan, records: &[SizeRecord]) -> Vec<PartRow> {
     let of = |axis: Axis| {
         let along: Vec<&SizeRecord> =
             plan.along(axis).iter().filter_map(|size| records.iter().find(|record| &record.size == size)).collect();
         Part::ALL.into_iter().map(move |part| row((axis, part), &along, records))
     };
-    let ran = |row: &Row| row.points.iter().any(|point| point.seconds.is_some() || point.memory_mb.is_some());
+    let ran = |row: &PartRow| row.points.iter().any(|point| point.seconds.is_some() || point.memory_mb.is_some());
     Axis::ALL.into_iter().flat_map(of).filter(ran).collect()
 }
 
-fn row((axis, part): (Axis, Part), along: &[&SizeRecord], records: &[SizeRecord]) -> Row {
+fn row((axis, part): (Axis, Part), along: &[&SizeRecord], records: &[SizeRecord]) -> PartRow {
     let points: Vec<Point> = along.iter().map(|record| point(axis, part, record)).collect();
     let all: Vec<Point> = records.iter().map(|record| point(axis, part, record)).collect();
     let growth = |cost: Cost, floor: f64| {
@@ -104,7 +104,7 @@ fn row((axis, part): (Axis, Part), along: &[&SizeRecord], records: &[SizeRecord]
     };
     let time = growth(|point| point.seconds.map(|seconds| seconds.median), LEAST_SECONDS);
     let memory = growth(|point| point.memory_mb, LEAST_MB);
-    Row { axis, part, units: part.units(axis), time, memory, points }
+    PartRow { axis, part, units: part.units(axis), time, memory, points }
 }
 
 fn point(axis: Axis, part: Part, record: &SizeRecord) -> Point {

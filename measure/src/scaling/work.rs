@@ -1,7 +1,7 @@
 //! How much there is to do on a clip, by what the stages count.
 
 use lgs_engine::{
-    gaussians::{GaussianSet, physical::to_physical},
+    gaussians::{Branch, GaussianSet, physical::to_physical},
     network::{
         levels::{Levels, voxels_of},
         model::FoldedModel,
@@ -59,13 +59,13 @@ impl Work {
             views: views.len(),
             pixels: views.iter().map(|view| view.pinhole.num_pixels()).sum(),
             lidar: scene.num_lidar,
-            background: scene.len() - scene.num_lidar,
+            background: scene.num_background(),
             ..Self::default()
         };
         if let Some(model) = model {
             let config = &model.config;
-            let lidar: Vec<usize> = (0..scene.num_lidar).collect();
-            let behind: Vec<usize> = (scene.num_lidar..scene.len()).collect();
+            let lidar: Vec<usize> = scene.rows(Branch::Lidar).collect();
+            let behind: Vec<usize> = scene.rows(Branch::Background).collect();
             let levels = pyramid(scene, &lidar, config.voxel_size, config.unet.num_levels())?;
             (work.sites, work.pairs) = (levels.sites.len(), pairs(&levels));
             let levels = pyramid(scene, &behind, config.background_voxel_size, config.background_unet.num_levels())?;

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::{
+    budget_run::BudgetRun,
     record::{ClipRecord, PointRecord},
-    spent::Spent,
 };
 use crate::statistics::Quartiles;
 
@@ -58,7 +58,7 @@ fn budget_row(record: &ClipRecord, budget_s: f64) -> Option<BudgetRow> {
 }
 
 /// What came of a budget; `rivals` are finished so long after their reconstruction began. `None` without a run.
-fn of_runs(mut runs: Vec<&Spent>, rivals: &[Rival], budget_s: f64) -> Option<BudgetRow> {
+fn of_runs(mut runs: Vec<&BudgetRun>, rivals: &[Rival], budget_s: f64) -> Option<BudgetRow> {
     runs.sort_by(|a, b| a.finished_s.total_cmp(&b.finished_s));
     let finished_s = Quartiles::of(runs.iter().map(|run| run.finished_s))?;
     let before_s = Quartiles::of(runs.iter().map(|run| run.before_s))?.median;
@@ -81,9 +81,9 @@ mod tests {
 
     use super::*;
 
-    fn run(finished_s: f64, psnr: f64, adam_steps: usize) -> Spent {
+    fn run(finished_s: f64, psnr: f64, adam_steps: usize) -> BudgetRun {
         let recipe = Recipe { adam_steps, ..Recipe::default() };
-        Spent { budget_s: 2.0, finished_s, before_s: 0.5, fits: true, recipe, psnr: Some(psnr) }
+        BudgetRun { budget_s: 2.0, finished_s, before_s: 0.5, fits: true, recipe, psnr: Some(psnr) }
     }
 
     #[test]

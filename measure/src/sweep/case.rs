@@ -38,7 +38,7 @@ pub struct Case {
 
 /// What was found out about a scene.
 #[derive(Debug)]
-pub struct Verdict {
+pub struct SceneFigures {
     /// Mean figures over the held-out views.
     pub figures: Means,
     /// A part of the first held-out view as it was drawn.
@@ -94,10 +94,10 @@ impl Work {
 ///
 /// # Errors
 /// Whatever is wrong with an image; a scene that draws a value that is not finite.
-pub fn verdicts(session: &Session, scenes: &[&GaussianSet], lpips: Option<&Lpips>) -> Result<Vec<Verdict>> {
+pub fn scene_figures(session: &Session, scenes: &[&GaussianSet], lpips: Option<&Lpips>) -> Result<Vec<SceneFigures>> {
     let held_out = session.held_out(&mut Watch::new(&Silent))?;
     let views: Vec<&View> = held_out.iter().collect();
-    let verdict = |scene: &&GaussianSet| -> Result<Verdict> {
+    let scored = |scene: &&GaussianSet| -> Result<SceneFigures> {
         let keep = |drawn: RenderedView<'_>| -> EngineResult<(ViewFigures, Option<Crop>)> {
             let RenderedView { view, rendered, figures, .. } = drawn;
             let shown = views.first().is_some_and(|first| std::ptr::eq(*first, view));
@@ -107,12 +107,12 @@ pub fn verdicts(session: &Session, scenes: &[&GaussianSet], lpips: Option<&Lpips
         let drawing = Drawing { scene: &to_physical(scene), scores: None };
         let all = evaluate_views(drawing, &views, session.truth(lpips), &mut Watch::new(&Silent), &keep)?;
         let (figures, crops): (Vec<_>, Vec<_>) = all.into_iter().unzip();
-        Ok(Verdict { figures: ViewFigures::mean(figures.iter()).into(), crop: crops.into_iter().flatten().next() })
+        Ok(SceneFigures { figures: ViewFigures::mean(figures.iter()).into(), crop: crops.into_iter().flatten().next() })
     };
-    scenes.iter().map(verdict).collect()
+    scenes.iter().map(scored).collect()
 }
 
-/// The truth behind [`Verdict::crop`]; `None` where nothing is held out.
+/// The truth behind [`SceneFigures::crop`]; `None` where nothing is held out.
 ///
 /// # Errors
 /// Whatever is wrong with an image.

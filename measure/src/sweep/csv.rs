@@ -3,7 +3,7 @@
 use lgs_engine::recipe::word;
 use lgs_pages::csv;
 
-use super::table::Row;
+use super::table::PointRow;
 
 const HEAD: [&str; 30] = [
     "clip",
@@ -44,7 +44,7 @@ pub struct Table<'a> {
     /// Name of the clip.
     pub clip: &'a str,
     /// The rows.
-    pub rows: &'a [Row],
+    pub rows: &'a [PointRow],
     /// Of each row, the command.
     pub commands: &'a [String],
 }
@@ -57,7 +57,7 @@ pub fn points(tables: &[Table<'_>]) -> String {
     csv(&HEAD, lines)
 }
 
-fn fields(clip: &str, row: &Row, command: &str) -> [String; HEAD.len()] {
+fn fields(clip: &str, row: &PointRow, command: &str) -> [String; HEAD.len()] {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     let (weights, recipe) = (row.setting.weights.as_ref(), &row.setting.recipe);
     let of_network = |text: String| if recipe.network { text } else { String::new() };

@@ -7,13 +7,13 @@ use lgs_engine::{network::source::LoadedModel, pipeline::Session};
 use lgs_formats::{digest::sha256, write::write_atomic};
 
 use super::{
+    budget_run::BudgetRun,
     case::{Case, Work, truth},
     grid::Run,
-    measure::{Bench, Judged},
+    measure::{Bench, RunEvaluation},
     pages::{ClipTable, Pages},
-    record::{CLIP_FORMAT, Causes, ClipRecord, Failed, Folders, PointRecord},
+    record::{CLIP_FORMAT, CacheKey, ClipRecord, Failed, Folders, PointRecord},
     setting::{Setting, Weights},
-    spent::Spent,
 };
 use crate::{
     clips::{Choice, open},
@@ -26,16 +26,16 @@ use crate::{
 const DIGITS: usize = 12;
 
 /// Finds out, by the numbers of a clip and of a run, what the run's configurations are worth.
-pub type Judge<'a> = dyn Fn(usize, usize) -> Result<Judged> + 'a;
+pub type Evaluate<'a> = dyn Fn(usize, usize) -> Result<RunEvaluation> + 'a;
 
 /// Runs `lgs-infer` with a time budget on the clip of a number.
-pub type Spend<'a> = dyn Fn(usize, f64) -> Result<Spent> + 'a;
+pub type RunBudget<'a> = dyn Fn(usize, f64) -> Result<BudgetRun> + 'a;
 
 /// What progress takes for a run with a budget.
 const BUDGET_WEIGHT: u64 = 8;
 
 /// What is to be measured.
-pub struct Job<'a> {
+pub struct SweepJob<'a> {
     /// The clips.
     pub clips: Vec<Choice>,
     /// The networks.
@@ -57,11 +57,11 @@ pub struct Job<'a> {
     /// Directory of the results.
     pub out: PathBuf,
     /// Finds out what runs are worth.
-    pub judge: &'a Judge<'a>,
+    pub evaluate: &'a Evaluate<'a>,
     /// Time budgets to try, seconds.
     pub budgets: Vec<f64>,
     /// Tries them.
-    pub spend: &'a Spend<'a>,
+    pub run_budget: &'a RunBudget<'a>,
 }
 
 /// Somebody who is told how far the work is.
@@ -76,7 +76,7 @@ pub trait Observer {
 
 /// What a job found.
 #[derive(Debug, Default)]
-pub struct Found {
+pub struct SweepFindings {
     /// Of each clip, what stands on its page.
     pub tables: Vec<ClipTable>,
     /// What could not be measured.
@@ -91,21 +91,21 @@ struct Current<'a> {
     record: ClipRecord,
 }
 
-impl std::fmt::Debug for Job<'_> {
+impl std::fmt::Debug for SweepJob<'_> {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.debug_struct("Job").field("clips", &self.clips).field("runs", &self.runs).finish_non_exhaustive()
+        formatter.debug_struct("SweepJob").field("clips", &self.clips).field("runs", &self.runs).finish_non_exhaustive()
     }
 }
 
-impl Job<'_> {
+impl SweepJob<'_> {
     /// What progress adds up to.
     pub fn total_weight(&self) -> u64 {
-        let of_clip: u64 = self.runs.iter().map(|run| self.judge_weight(run) + self.time_weight(run)).sum();
+        let of_clip: u64 = self.runs.iter().map(|run| self.evaluation_weight(run) + self.time_weight(run)).sum();
         let of_budgets = BUDGET_WEIGHT * (self.budgets.len() * self.repeats) as u64;
         (of_clip + of_budgets) * self.clips.len() as u64
     }
 
-    fn judge_weight(&self, run: &Run) -> u64 {
+    fn evaluation_weight(&self, run: &Run) -> u64 {
         run.weight() + 2
     }
 
@@ -117,7 +117,7 @@ impl Job<'_> {
     ///
     /// # Errors
     /// Whatever is wrong with a clip; a file that cannot be written.
-    pub fn run(&self, observer: &dyn Observer) -> Result<Found> {
+    pub fn run(&self, observer: &dyn Observer) -> Result<SweepFindings> {
         if self.runs.is_empty() {
             return Err(MeasureError::unfit("weights", "weights to try, or steps of `adam`", "neither"));
         }
@@ -125,11 +125,11 @@ impl Job<'_> {
         let cases: Vec<Case> = self.clips.iter().map(case).collect::<Result<_>>()?;
         let folders = Folders::make(&self.out)?;
         let settings: Vec<Setting> = self.runs.iter().flat_map(|run| run.settings.clone()).collect();
-        let (mut records, mut found) = (Vec::new(), Found::default());
+        let (mut records, mut found) = (Vec::new(), SweepFindings::default());
         for (index, case) in cases.iter().enumerate() {
             observer.begin(&case.clip().name);
             let mut current = self.current(index, case, &folders)?;
-            self.judge_all(&mut current, &folders, &mut found.failed, observer)?;
+            self.evaluate_all(&mut current, &folders, &mut found.failed, observer)?;
             self.time_all(&mut current, &mut found.failed, observer)?;
             self.spend_all(&mut current, &mut found.failed, observer)?;
             records.push(current.record);
@@ -140,7 +140,7 @@ impl Job<'_> {
 
     fn current<'c>(&self, index: usize, case: &'c Case, folders: &Folders) -> Result<Current<'c>> {
         let clip = case.clip();
-        let causes = Causes {
+        let key = CacheKey {
             format: CLIP_FORMAT.to_owned(),
             source: clip.source.clone(),
             choice: self.clips[index].recorded(),
@@ -150,7 +150,7 @@ impl Job<'_> {
         };
         let stem = file_stem(index, &clip.name);
         let file = folders.records.join(format!("{stem}.json"));
-        if let Some(mut record) = ClipRecord::read(&file, &causes)? {
+        if let Some(mut record) = ClipRecord::read(&file, &key)? {
             record.sessions += 1;
             return Ok(Current { index, case, file, record });
         }
@@ -162,12 +162,12 @@ impl Job<'_> {
         let work = Work::of(&session)?;
         let (clip, load_s) = (clip.name.clone(), Some(load_s));
         let record =
-            ClipRecord { causes, clip, work, load_s, truth, sessions: 1, points: Vec::new(), spent: Vec::new() };
+            ClipRecord { key, clip, work, load_s, truth, sessions: 1, points: Vec::new(), budget_runs: Vec::new() };
         Ok(Current { index, case, file, record })
     }
 
     /// Finds out what the configurations are worth of which that is not known.
-    fn judge_all(
+    fn evaluate_all(
         &self,
         current: &mut Current<'_>,
         folders: &Folders,
@@ -178,13 +178,13 @@ impl Job<'_> {
         for (index, run) in self.runs.iter().enumerate() {
             let unknown = run.settings.iter().any(|setting| current.record.point(setting).is_none());
             if unknown {
-                match (self.judge)(current.index, index) {
-                    Ok(judged) => put_points(current, run, judged, (folders, &stem))?,
+                match (self.evaluate)(current.index, index) {
+                    Ok(evaluation) => put_points(current, run, evaluation, (folders, &stem))?,
                     Err(error) => fail(&current.record.clip, run_name(run), &error, failed, observer),
                 }
                 current.record.write(&current.file)?;
             }
-            observer.did(self.judge_weight(run), unknown);
+            observer.did(self.evaluation_weight(run), unknown);
         }
         Ok(())
     }
@@ -230,8 +230,8 @@ impl Job<'_> {
             for &budget_s in &self.budgets {
                 let needed = current.record.runs_of_budget(budget_s).count() <= round;
                 if needed {
-                    match (self.spend)(current.index, budget_s) {
-                        Ok(spent) => current.record.spent.push(spent),
+                    match (self.run_budget)(current.index, budget_s) {
+                        Ok(spent) => current.record.budget_runs.push(spent),
                         Err(error) => {
                             fail(&current.record.clip, format!("time budget {budget_s} s"), &error, failed, observer);
                         }
@@ -273,8 +273,13 @@ fn fail(clip: &str, name: String, error: &MeasureError, failed: &mut Vec<Failed>
 }
 
 /// Keeps what the configurations of a run are worth, of those of which it was not known.
-fn put_points(current: &mut Current<'_>, run: &Run, judged: Judged, (folders, stem): (&Folders, &str)) -> Result<()> {
-    for (setting, point) in run.settings.iter().zip(judged.points) {
+fn put_points(
+    current: &mut Current<'_>,
+    run: &Run,
+    evaluation: RunEvaluation,
+    (folders, stem): (&Folders, &str),
+) -> Result<()> {
+    for (setting, point) in run.settings.iter().zip(evaluation.points) {
         if current.record.point(setting).is_some() {
             continue;
         }

@@ -13,7 +13,7 @@ use lgs_engine::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    case::{Case, Verdict, Work, verdicts},
+    case::{Case, SceneFigures, Work, scene_figures},
     grid::Run,
     setting::Setting,
 };
@@ -122,7 +122,7 @@ impl Bench<'_> {
         Ok(all)
     }
 
-    /// Nothing: brings caches and pools to where a run leaves them, with at most one step of per-scene optimisation.
+    /// Brings caches and pools to where a run leaves them, with at most one step of per-scene optimisation.
     ///
     /// # Errors
     /// Those of the pipeline.
@@ -168,17 +168,17 @@ fn by_name(times: &StageTimes) -> Result<BTreeMap<String, f64>> {
 /// What a run is worth, found out in a process of its own, so that its memory is that of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Judged {
+pub struct RunEvaluation {
     /// How much there is to do on the clip.
     pub work: Work,
     /// Of each configuration of the run.
-    pub points: Vec<JudgedPoint>,
+    pub points: Vec<PointEvaluation>,
 }
 
 /// What a configuration is worth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct JudgedPoint {
+pub struct PointEvaluation {
     /// The figures.
     pub accuracy: Accuracy,
     /// Largest resident memory of this process when the scene was made, 10^6 bytes.
@@ -191,17 +191,22 @@ pub struct JudgedPoint {
 ///
 /// # Errors
 /// Whatever is wrong with the clip; those of the pipeline; a scene that draws a value that is not finite.
-pub fn judge(case: &Case, run: &Run, models: &[LoadedModel], seed: u64, lpips: Option<&Lpips>) -> Result<Judged> {
+pub fn evaluate(
+    case: &Case,
+    run: &Run,
+    models: &[LoadedModel],
+    seed: u64,
+    lpips: Option<&Lpips>,
+) -> Result<RunEvaluation> {
     let (session, _) = case.open()?;
     let made = Bench { inputs: session.inputs(), models, seed }.scenes(run)?;
     let work = Work::of(&session)?;
     let scenes: Vec<&GaussianSet> = made.iter().map(|made| &made.scene).collect();
-    let verdicts = verdicts(&session, &scenes, lpips)?;
-    let point = |(made, verdict): (&Made, Verdict)| {
-        let accuracy =
-            Accuracy { figures: verdict.figures, gaussians: made.counts.into(), steps_kept: made.steps_kept };
-        let crop = verdict.crop.map(|crop| crop.jpeg()).transpose()?.map(|bytes| STANDARD.encode(bytes));
-        Ok(JudgedPoint { accuracy, peak_rss_mb: made.peak_rss_mb, crop })
+    let scene_figures = scene_figures(&session, &scenes, lpips)?;
+    let point = |(made, scored): (&Made, SceneFigures)| {
+        let accuracy = Accuracy { figures: scored.figures, gaussians: made.counts.into(), steps_kept: made.steps_kept };
+        let crop = scored.crop.map(|crop| crop.jpeg()).transpose()?.map(|bytes| STANDARD.encode(bytes));
+        Ok(PointEvaluation { accuracy, peak_rss_mb: made.peak_rss_mb, crop })
     };
-    Ok(Judged { work, points: made.iter().zip(verdicts).map(point).collect::<Result<_>>()? })
+    Ok(RunEvaluation { work, points: made.iter().zip(scene_figures).map(point).collect::<Result<_>>()? })
 }

@@ -12,7 +12,7 @@ pub mod crop;
 
 pub mod measure;
 
-pub mod spent;
+pub mod budget_run;
 
 pub mod record;
 

@@ -14,7 +14,7 @@ use super::{
     record::{ClipRecord, Failed, PointRecord},
     report::{Chapter, Page, html},
     setting::{Setting, Weights},
-    table::{Row, mean_rows, rows},
+    table::{PointRow, mean_rows, rows},
 };
 use crate::{clips::Choice, error::Result, machine::Machine, records::json};
 
@@ -30,7 +30,7 @@ struct Whole<'a> {
     lpips: Option<&'a str>,
     seed: u64,
     clips: Vec<OfClip<'a>>,
-    mean: &'a [Row],
+    mean: &'a [PointRow],
     failed: &'a [Failed],
 }
 
@@ -41,7 +41,7 @@ struct OfClip<'a> {
     source: &'a str,
     work: &'a Work,
     load_s: Option<f64>,
-    rows: &'a [Row],
+    rows: &'a [PointRow],
     budgets: &'a [BudgetRow],
     points: Vec<&'a PointRecord>,
 }
@@ -52,7 +52,7 @@ pub struct ClipTable {
     /// Its name.
     pub clip: String,
     /// The configurations.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PointRow>,
     /// Time budgets.
     pub budgets: Vec<BudgetRow>,
 }
@@ -85,7 +85,7 @@ impl Pages<'_> {
     /// A file that cannot be written, or a crop that cannot be read.
     pub fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<ClipTable>> {
         let settings = self.settings;
-        let tables: Vec<Vec<Row>> = records.iter().map(|record| rows(record, settings)).collect();
+        let tables: Vec<Vec<PointRow>> = records.iter().map(|record| rows(record, settings)).collect();
         let budgets: Vec<Vec<BudgetRow>> = records.iter().map(|record| budget_rows(record, self.budgets)).collect();
         let mean = if tables.len() > 1 { mean_rows(&tables) } else { Vec::new() };
         let commands: Vec<Vec<String>> = tables
@@ -153,10 +153,15 @@ pub fn clip_options(choice: &Choice) -> Vec<(&'static str, String)> {
     given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-fn of_clip<'a>(record: &'a ClipRecord, rows: &'a [Row], budgets: &'a [BudgetRow], settings: &[Setting]) -> OfClip<'a> {
+fn of_clip<'a>(
+    record: &'a ClipRecord,
+    rows: &'a [PointRow],
+    budgets: &'a [BudgetRow],
+    settings: &[Setting],
+) -> OfClip<'a> {
     OfClip {
         clip: &record.clip,
-        source: &record.causes.source,
+        source: &record.key.source,
         work: &record.work,
         load_s: record.load_s,
         rows,

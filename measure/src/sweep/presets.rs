@@ -2,7 +2,7 @@
 
 use lgs_engine::{
     densify::Limit,
-    plan::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip},
+    plan::{ClipWork, MeasuredRecipe, Named, PRESETS_FORMAT, Preset, Record, RecordedClip},
     recipe::Recipe,
 };
 
@@ -10,7 +10,7 @@ use super::{
     front::{Offer, on_front},
     record::{ClipRecord, PointRecord},
     setting::{Setting, Weights},
-    table::Row,
+    table::PointRow,
 };
 use crate::{machine::Machine, statistics::Quartiles};
 
@@ -28,14 +28,19 @@ impl Setting {
 
 /// The configurations without a network and with `weights` that are on the front of a clip or of the mean, `rows`, and the names of three
 /// of them; `None` where a clip has no timed runs or nothing is quick enough for its name.
-pub fn presets(records: &[ClipRecord], rows: &[Row], weights: Option<&Weights>, machine: &Machine) -> Option<Record> {
-    let known: Vec<(&Setting, Measured)> = rows
+pub fn presets(
+    records: &[ClipRecord],
+    rows: &[PointRow],
+    weights: Option<&Weights>,
+    machine: &Machine,
+) -> Option<Record> {
+    let known: Vec<(&Setting, MeasuredRecipe)> = rows
         .iter()
         .filter(|row| row.setting.weights.as_ref().is_none_or(|own| Some(own) == weights))
         .filter_map(|row| Some((&row.setting, measured(&row.setting, records)?)))
         .collect();
     let kept = worth_knowing(&known.iter().map(|(_, measured)| measured).collect::<Vec<_>>());
-    let recipes: Vec<Measured> =
+    let recipes: Vec<MeasuredRecipe> =
         known.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|((_, measured), _)| measured).collect();
     Some(Record {
         format: PRESETS_FORMAT.to_owned(),
@@ -47,10 +52,10 @@ pub fn presets(records: &[ClipRecord], rows: &[Row], weights: Option<&Weights>, 
     })
 }
 
-fn measured(setting: &Setting, records: &[ClipRecord]) -> Option<Measured> {
+fn measured(setting: &Setting, records: &[ClipRecord]) -> Option<MeasuredRecipe> {
     let points: Vec<&PointRecord> = records.iter().map(|record| record.point(setting)).collect::<Option<_>>()?;
     let seconds = |point: &&PointRecord| Quartiles::of(point.repeats.iter().map(|repeat| repeat.cost.seconds));
-    Some(Measured {
+    Some(MeasuredRecipe {
         recipe: setting.recipe()?,
         psnr: points
             .iter()
@@ -79,9 +84,9 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Whether each is on the front of the mean over clips, or of a clip.
-fn worth_knowing(all: &[&Measured]) -> Vec<bool> {
+fn worth_knowing(all: &[&MeasuredRecipe]) -> Vec<bool> {
     let num_clips = all.first().map_or(0, |row| row.psnr.len());
-    let front = |offer: &dyn Fn(&Measured) -> [f64; 2]| {
+    let front = |offer: &dyn Fn(&MeasuredRecipe) -> [f64; 2]| {
         let offers: Vec<_> =
             all.iter().map(|row| offer(row)).map(|[cost, quality]| Some(Offer { cost, quality })).collect();
         on_front(&offers)
@@ -94,7 +99,7 @@ fn worth_knowing(all: &[&Measured]) -> Vec<bool> {
 }
 
 /// The best, and the best of those that are so many times quicker, by the means over clips; `None` where nothing is that quick.
-fn names(recipes: &[Measured]) -> Option<Vec<Preset>> {
+fn names(recipes: &[MeasuredRecipe]) -> Option<Vec<Preset>> {
     let best = |at_most: f64| {
         let fitting = (0..recipes.len()).filter(|&k| mean(&recipes[k].seconds) <= at_most);
         fitting.max_by(|&a, &b| {
@@ -114,9 +119,9 @@ fn names(recipes: &[Measured]) -> Option<Vec<Preset>> {
 mod tests {
     use super::*;
 
-    fn row(refine_steps: usize, psnr: [f64; 2], seconds: [f64; 2]) -> Measured {
+    fn row(refine_steps: usize, psnr: [f64; 2], seconds: [f64; 2]) -> MeasuredRecipe {
         let recipe = Recipe { refine_steps, ..Recipe::default() };
-        Measured { recipe, psnr: psnr.to_vec(), seconds: seconds.to_vec() }
+        MeasuredRecipe { recipe, psnr: psnr.to_vec(), seconds: seconds.to_vec() }
     }
 
     #[test]

@@ -6,10 +6,10 @@ use lgs_formats::error::FormatError;
 use serde::{Deserialize, Serialize};
 
 use super::{
+    budget_run::BudgetRun,
     case::Work,
     measure::{Accuracy, Cost},
     setting::Setting,
-    spent::Spent,
 };
 use crate::{
     clips::RecordedChoice,
@@ -19,14 +19,14 @@ use crate::{
 };
 
 /// The value of `format` in the file of a clip.
-pub const CLIP_FORMAT: &str = "lgs-sweep-clip/3";
+pub const CLIP_FORMAT: &str = "lgs-sweep-clip/4";
 /// Folder of the crops.
 const CROPS: &str = "crops";
 
 /// What decides the figures of a clip beside the configurations: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Causes {
+pub struct CacheKey {
     /// [`CLIP_FORMAT`].
     pub format: String,
     /// Where the clip says that it comes from.
@@ -83,7 +83,7 @@ pub struct Failed {
 #[serde(deny_unknown_fields)]
 pub struct ClipRecord {
     /// What decides it.
-    pub causes: Causes,
+    pub key: CacheKey,
     /// Name of the clip.
     pub clip: String,
     /// How much there is to do.
@@ -97,19 +97,19 @@ pub struct ClipRecord {
     /// The configurations, those of earlier grids too.
     pub points: Vec<PointRecord>,
     /// Runs with time budgets.
-    pub spent: Vec<Spent>,
+    pub budget_runs: Vec<BudgetRun>,
 }
 
 impl ClipRecord {
-    /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other causes.
+    /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other key.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, causes: &Causes) -> Result<Option<Self>> {
-        Ok(read_record(file)?.filter(|record: &Self| &record.causes == causes))
+    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+        Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 
-    /// Nothing: afterwards `file` holds the record.
+    /// Writes the record into `file`.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -128,11 +128,11 @@ impl ClipRecord {
     }
 
     /// Runs with a time budget so far.
-    pub fn runs_of_budget(&self, budget_s: f64) -> impl Iterator<Item = &Spent> {
-        self.spent.iter().filter(move |run| run.budget_s.total_cmp(&budget_s).is_eq())
+    pub fn runs_of_budget(&self, budget_s: f64) -> impl Iterator<Item = &BudgetRun> {
+        self.budget_runs.iter().filter(move |run| run.budget_s.total_cmp(&budget_s).is_eq())
     }
 
-    /// Nothing: the record has the point, in the place of an older one of the same configuration.
+    /// Puts a point into the record, in the place of an older one of the same configuration.
     pub fn put(&mut self, point: PointRecord) {
         match self.points.iter_mut().find(|old| old.setting == point.setting) {
             Some(old) => *old = point,
@@ -140,7 +140,7 @@ impl ClipRecord {
         }
     }
 
-    /// Nothing: a timed run more of a configuration that has a point.
+    /// Adds a timed run of a configuration that has a point.
     pub fn add_repeat(&mut self, setting: &Setting, cost: Cost) {
         let session = self.sessions;
         if let Some(point) = self.points.iter_mut().find(|point| &point.setting == setting) {

@@ -14,7 +14,7 @@ use crate::{
 
 /// A configuration and its figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct PointRow {
     /// A name for people.
     pub name: String,
     /// The configuration.
@@ -39,7 +39,7 @@ pub struct Row {
     pub crop: Option<String>,
 }
 
-impl Row {
+impl PointRow {
     /// What it costs in seconds, and the figure that `quality` takes.
     pub fn offer(&self, quality: impl Fn(&Means) -> Option<f64>) -> Option<Offer> {
         quality(&self.figures).map(|quality| Offer { cost: self.seconds.median, quality })
@@ -69,23 +69,23 @@ impl Row {
 }
 
 /// The rows of a clip, in the order of `settings`; configurations without a timed run are left out.
-pub fn rows(record: &ClipRecord, settings: &[Setting]) -> Vec<Row> {
-    compared(settings.iter().filter_map(|setting| Row::of(record.point(setting)?)).collect())
+pub fn rows(record: &ClipRecord, settings: &[Setting]) -> Vec<PointRow> {
+    compared(settings.iter().filter_map(|setting| PointRow::of(record.point(setting)?)).collect())
 }
 
 /// The means over clips of the rows that all of them have.
-pub fn mean_rows(tables: &[Vec<Row>]) -> Vec<Row> {
+pub fn mean_rows(tables: &[Vec<PointRow>]) -> Vec<PointRow> {
     let Some((first, others)) = tables.split_first() else { return Vec::new() };
-    let of = |row: &Row| -> Option<Row> {
+    let of = |row: &PointRow| -> Option<PointRow> {
         let mut all = vec![row];
         for table in others {
             all.push(table.iter().find(|other| other.setting == row.setting)?);
         }
-        let over = |value: fn(&Row) -> Option<f64>| -> Option<f64> {
+        let over = |value: fn(&PointRow) -> Option<f64>| -> Option<f64> {
             let values: Vec<f64> = all.iter().filter_map(|row| value(row)).collect();
             mean(values.iter().copied()).filter(|_| values.len() == all.len())
         };
-        Some(Row {
+        Some(PointRow {
             repeats: all.iter().map(|row| row.repeats).min().unwrap_or(0),
             seconds: Quartiles {
                 q1: over(|row| Some(row.seconds.q1))?,
@@ -111,7 +111,7 @@ pub fn mean_rows(tables: &[Vec<Row>]) -> Vec<Row> {
 }
 
 /// The rows with what they say about each other.
-fn compared(mut rows: Vec<Row>) -> Vec<Row> {
+fn compared(mut rows: Vec<PointRow>) -> Vec<PointRow> {
     let front = on_front(&rows.iter().map(|row| row.offer(|figures| figures.psnr)).collect::<Vec<_>>());
     let curves = reference_curves(&rows);
     for (row, on_front) in rows.iter_mut().zip(front) {
@@ -125,15 +125,15 @@ fn compared(mut rows: Vec<Row>) -> Vec<Row> {
 }
 
 /// Of each way to optimise the scene, seconds and PSNR after more and more steps.
-fn reference_curves(rows: &[Row]) -> Vec<Vec<Offer>> {
-    let mut ways: Vec<Vec<&Row>> = Vec::new();
+fn reference_curves(rows: &[PointRow]) -> Vec<Vec<Offer>> {
+    let mut ways: Vec<Vec<&PointRow>> = Vec::new();
     for row in rows.iter().filter(|row| row.setting.is_reference()) {
         match ways.iter_mut().find(|way| way.iter().any(|other| other.setting.differs_in_steps_only(&row.setting))) {
             Some(way) => way.push(row),
             None => ways.push(vec![row]),
         }
     }
-    let curve = |mut way: Vec<&Row>| {
+    let curve = |mut way: Vec<&PointRow>| {
         way.sort_by_key(|row| row.setting.steps());
         way.into_iter().filter_map(|row| row.offer(|figures| figures.psnr)).collect()
     };

@@ -9,7 +9,7 @@ use super::{Correlation, Effects, Sample, rank_correlation, sign_agreement};
 
 /// One signal against the truth, for one action.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct CorrelationRow {
     /// The signal and its normalisation.
     pub signal: &'static str,
     /// `prune` or `add`.
@@ -27,13 +27,13 @@ pub struct Row {
 }
 
 /// Every signal and action.
-pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
+pub fn rows(sample: &Sample, effects: &Effects) -> Vec<CorrelationRow> {
     let mut rows = Vec::new();
     for measured in &sample.signals {
         for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
         {
             let Correlation { value, error } = rank_correlation(delta, truth);
-            rows.push(Row {
+            rows.push(CorrelationRow {
                 signal: measured.signal.name(),
                 action,
                 count: delta.len(),
@@ -48,7 +48,7 @@ pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
 }
 
 /// The rows as text.
-pub fn table(title: &str, rows: &[Row]) -> String {
+pub fn table(title: &str, rows: &[CorrelationRow]) -> String {
     let mut text = format!(
         "{title}\n  {:<20} {:<6} {:>5}  {:>14}  {:>5}  {:>7}\n",
         "signal", "action", "n", "rank corr.", "sign", "helpful"

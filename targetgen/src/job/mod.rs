@@ -14,5 +14,5 @@ mod store;
 pub use clips::{JobClip, find_clips};
 pub use merge::merge;
 pub use retarget::retarget;
-pub use run::{Event, Job, Outcome, run};
+pub use run::{Event, Outcome, TargetJob, run};
 pub use store::CLIP_FOLDER;

@@ -18,7 +18,7 @@ use crate::scene::load_scene;
 
 /// A job, or one share of it.
 #[derive(Clone, Debug)]
-pub struct Job<'a> {
+pub struct TargetJob<'a> {
     /// Every clip of the job.
     pub clips: &'a [JobClip],
     /// Which share this is; `None` for all of it.
@@ -80,7 +80,7 @@ pub struct Outcome {
 /// # Errors
 /// A folder that holds something else, and one that cannot be written to: what was done stays, and a later run with `resume` goes on. A
 /// clip that fails is no error: the manifest says so.
-pub fn run(job: &Job<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome> {
+pub fn run(job: &TargetJob<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome> {
     let clips: Vec<String> = job.clips.iter().map(|clip| clip.name.clone()).collect();
     let items = Items { all: &clips, part: job.part, resume: job.resume };
     let mut store = Store::open(&job.out, &job.config)?;
@@ -129,7 +129,7 @@ fn unknown(name: &str) -> TargetError {
 }
 
 /// The targets of one clip and the number of its views.
-fn one(job: &Job<'_>, clip: &JobClip, seconds: &mut Seconds) -> Result<(EncodedClip, usize)> {
+fn one(job: &TargetJob<'_>, clip: &JobClip, seconds: &mut Seconds) -> Result<(EncodedClip, usize)> {
     let mut clock = Instant::now();
     let scene = load_scene(&clip.path, &job.config, job.model)?;
     lap(&mut clock, &mut seconds.scene);

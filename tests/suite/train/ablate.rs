@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use lgs_engine::densify::Limit;
 use lgs_engine::network::source::{LoadedModel, load_model};
-use lgs_measure::ablate::job::{Hashed, Job, Observer};
+use lgs_measure::ablate::job::{AblationJob, Hashed, Observer};
 use lgs_measure::ablate::record::ClipRecord;
 use lgs_measure::ablate::settings::Settings;
 use lgs_measure::ablate::ways::names;
@@ -63,10 +63,10 @@ impl Place {
         self.dir.path().join("w.safetensors")
     }
 
-    fn job(&self, adam: &[usize]) -> Result<Job<'_>, Failed> {
+    fn job(&self, adam: &[usize]) -> Result<AblationJob<'_>, Failed> {
         let text = format!("{};hold-out=1;frames=3;image-size=48x80", clips::street().display());
         let choice: Choice = text.parse().map_err(failed)?;
-        Ok(Job {
+        Ok(AblationJob {
             scenes: vec![choice.clone()],
             clips: vec![choice],
             model: Hashed { value: &self.loaded.model, sha256: &self.loaded.digest },

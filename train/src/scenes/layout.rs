@@ -1,6 +1,7 @@
 //! The street of a seed: where houses, trees, furniture and traffic stand.
 
 use glam::{DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::pose::Pose;
 
 use super::{
@@ -10,7 +11,7 @@ use super::{
     furniture::Furniture,
     ground::Ground,
     material::{Material, colour},
-    maths::{narrow, rotation_z},
+    maths::rotation_z,
     object::{Object, Palette},
     primitive::{Part, Primitive},
     road::Road,
@@ -112,12 +113,12 @@ fn ground(config: &SceneConfig, road: Road, crossings: &[f64], dice: &mut Dice) 
     let green = dice.uniform32(0.38, 0.5);
     Ground {
         road,
-        texture_scale: narrow(config.street.texture_scale),
+        texture_scale: to_f32(config.street.texture_scale),
         asphalt: colour(grey, grey, grey * dice.uniform32(0.98, 1.04)),
         paving: colour(stone, stone * (0.5 + 0.5 * warmth), stone * warmth),
         verge: colour(0.8 * green, green, 0.5 * green),
         slab: dice.pick(&[0.5, 0.6, 0.9]),
-        crossings: crossings.iter().map(|&s| narrow(s)).collect(),
+        crossings: crossings.iter().map(|&s| to_f32(s)).collect(),
         side: None,
         seed: dice.bits(),
     }

@@ -14,7 +14,7 @@ use lgs_engine::{
         normalise::{add_residuals, residual_gradients},
     },
     objective::{Objective, Terms, Wanted, objective, objective_with},
-    refine::{lengthen, silence_guide, step_lengths, wanted},
+    refine::{lengthen, step_lengths, wanted, zero_non_finite_guide},
     views::View,
 };
 use rayon::prelude::*;
@@ -103,7 +103,7 @@ pub fn compute(
 
     let mut set = perturbed.set;
     for _ in 0..settings.refine_steps {
-        silence_guide(&mut looked.inputs, config.guidance);
+        zero_non_finite_guide(&mut looked.inputs, config.guidance);
         let before = &looked.inputs;
         let outcomes = self::outcomes(|branch| passes.refine(&set, before, branch))?;
         let mut next = self::updated(&set, &outcomes)?;

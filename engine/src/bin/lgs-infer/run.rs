@@ -62,7 +62,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
     let session = opened(args, dir, &mut watch)?;
-    let (job, inputs) = (Job { args, session: &session, lpips }, session.inputs());
+    let (run_of, inputs) = (OpenedRun { args, session: &session, lpips }, session.inputs());
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, session.clip(), session.clip_frame(), inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -77,15 +77,15 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let run = plan.run(model.as_ref().map(|loaded| &loaded.model), args.seed);
     let reconstruction = begun.run(&run, &mut watch, &mut |_, _| ())?;
     plan.spent(&reconstruction, start);
-    let shown = job.shown();
+    let shown = run_of.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
-    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
+    let drawn = run_of.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
         format: METRICS_FORMAT,
         clip: session.clip().name.clone(),
-        config: job.config(&plan.recipe),
+        config: run_of.config(&plan.recipe),
         budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
@@ -158,7 +158,7 @@ fn opened(args: &Args, dir: ClipDir, watch: &mut Watch<'_>) -> Result<Session> {
 
 /// A run of an opened clip.
 #[derive(Debug)]
-struct Job<'a> {
+struct OpenedRun<'a> {
     args: &'a Args,
     session: &'a Session,
     lpips: Option<PerceptualDistance>,
@@ -171,7 +171,7 @@ struct PerceptualDistance {
     sha256: String,
 }
 
-impl Job<'_> {
+impl OpenedRun<'_> {
     /// In which colours and axes files hold the scene.
     fn shown(&self) -> Shown {
         let first = self.session.frames().input.first().copied().unwrap_or(0);

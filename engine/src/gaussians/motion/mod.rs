@@ -100,7 +100,7 @@ impl Movement {
         Self { velocities: vec![[0.0; 3]; count], things: vec![STANDS; count], flows: Vec::new() }
     }
 
-    /// Nothing: these returns belong to a new thing.
+    /// Adds a new thing, to which these returns belong.
     fn add(&mut self, cloud: &PointCloud, flow: Flow, returns: impl Iterator<Item = usize>) {
         let thing = u32::try_from(self.flows.len()).unwrap_or(STANDS);
         for point in returns {

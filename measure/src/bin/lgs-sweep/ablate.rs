@@ -7,7 +7,7 @@ use lgs_cli::{progress::Bar, threads};
 use lgs_engine::evaluate::lpips::Lpips;
 use lgs_formats::digest::sha256;
 use lgs_measure::ablate::{
-    job::{Hashed, Job, Observer},
+    job::{AblationJob, Hashed, Observer},
     record::ClipRecord,
     settings::STEPS,
 };
@@ -34,7 +34,7 @@ pub(crate) fn ablate(args: &AblateArgs) -> Result<String> {
     if dirs.is_empty() && args.clips.is_empty() {
         bail!("--scenes: expected scenes, or a --clip, found none");
     }
-    let job = Job {
+    let job = AblationJob {
         scenes: dirs.into_iter().map(|dir| args.scene(dir)).collect(),
         clips: args.clips.clone(),
         model: Hashed { value: &loaded.model, sha256: &loaded.digest },

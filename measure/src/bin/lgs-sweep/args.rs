@@ -113,7 +113,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
 
-    /// What this program starts itself with: the numbers of a clip and of a run to judge, for one line of JSON
+    /// What this program starts itself with: the numbers of a clip and of a run to evaluate, for one line of JSON
     #[arg(long, value_name = "CLIP:RUN", hide = true, conflicts_with = "scaling")]
     pub(crate) one: Option<One>,
 

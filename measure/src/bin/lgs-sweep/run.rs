@@ -19,14 +19,14 @@ use lgs_measure::{
     machine::Machine,
     sweep::{
         budget::BudgetRow,
+        budget_run::BudgetRun,
         case::Case,
         grid::{Parts, Run, runs_of},
-        job::{Found, Job},
-        measure::{Judged, judge},
+        job::{SweepFindings, SweepJob},
+        measure::{RunEvaluation, evaluate},
         pages::{ClipTable, clip_options},
         setting::Weights,
-        spent::Spent,
-        table::Row,
+        table::PointRow,
     },
 };
 
@@ -63,7 +63,7 @@ fn measure(args: &SweepArgs) -> Result<Outcome> {
     }
     let grid = grid(args, &networks);
     match args.one {
-        Some(one) => Ok(judge_one(args, one, &networks, &grid)?.into()),
+        Some(one) => Ok(evaluate_one(args, one, &networks, &grid)?.into()),
         None => sweep(args, threads, &networks, grid),
     }
 }
@@ -91,19 +91,19 @@ fn grid(args: &SweepArgs, networks: &Networks<'_>) -> Vec<Run> {
 }
 
 /// One line of JSON: what a run is worth.
-fn judge_one(args: &SweepArgs, one: One, networks: &Networks<'_>, grid: &[Run]) -> Result<String> {
+fn evaluate_one(args: &SweepArgs, one: One, networks: &Networks<'_>, grid: &[Run]) -> Result<String> {
     let clips = args.clips();
     let (Some(choice), Some(run)) = (clips.get(one.clip), grid.get(one.run)) else {
         bail!("--one: expected numbers of a clip and of a run, found {}:{}", one.clip, one.run);
     };
     let lpips = args.lpips_weights.as_deref().map(Lpips::load).transpose()?;
-    let judged = judge(&Case::new(open(choice)?, choice)?, run, &networks.loaded, args.seed, lpips.as_ref())?;
-    Ok(serde_json::to_string(&judged)?)
+    let evaluation = evaluate(&Case::new(open(choice)?, choice)?, run, &networks.loaded, args.seed, lpips.as_ref())?;
+    Ok(serde_json::to_string(&evaluation)?)
 }
 
 fn sweep(args: &SweepArgs, threads: usize, networks: &Networks<'_>, grid: Vec<Run>) -> Result<Outcome> {
     let program = std::env::current_exe().context("this program: find")?;
-    let judge = |clip: usize, run: usize| judge_apart(&program, One { clip, run });
+    let evaluate = |clip: usize, run: usize| evaluate_apart(&program, One { clip, run });
     let infer = program.with_file_name(format!("lgs-infer{}", std::env::consts::EXE_SUFFIX));
     if !args.budgets.is_empty() && !infer.is_file() {
         bail!("--budgets: expected lgs-infer beside this program, found nothing at {}", infer.display());
@@ -111,15 +111,15 @@ fn sweep(args: &SweepArgs, threads: usize, networks: &Networks<'_>, grid: Vec<Ru
     let out = output_dir(args.out.as_deref())?;
     let weights = networks.named.first().map_or("none", |(_, arg)| &arg.text);
     let clips = args.clips();
-    let spend = |clip: usize, budget_s: f64| {
+    let run_budget = |clip: usize, budget_s: f64| {
         let mut command = Command::new(&infer);
         command.arg(&clips[clip].dir).args(flags(clip_options(&clips[clip]))).args(["--weights", weights]);
         command.args(["--seed", &args.seed.to_string(), "--threads", &threads.to_string()]);
         command.args(["--time-budget", &budget_s.to_string(), "--views", "held-out", "--json", "--out"]);
-        Spent::of(&answer(command.arg(out.join("budget")))?)
+        BudgetRun::of(&answer(command.arg(out.join("budget")))?)
     };
     let [repeats, warm_up] = args.rounds();
-    let job = Job {
+    let job = SweepJob {
         clips: clips.clone(),
         models: &networks.loaded,
         weights: networks.named.iter().map(|(weights, arg)| (weights.clone(), arg.text.clone())).collect(),
@@ -130,9 +130,9 @@ fn sweep(args: &SweepArgs, threads: usize, networks: &Networks<'_>, grid: Vec<Ru
         seed: args.seed,
         machine: Machine::this(&program, threads)?,
         out: out.clone(),
-        judge: &judge,
+        evaluate: &evaluate,
         budgets: args.budgets.clone(),
-        spend: &spend,
+        run_budget: &run_budget,
     };
     let teller = Teller::new(job.total_weight());
     let found = job.run(&teller)?;
@@ -157,17 +157,17 @@ fn lpips_digest(file: &Path) -> Result<String> {
 }
 
 /// What a run is worth, found out by this program in a process of its own with the same flags.
-fn judge_apart(program: &Path, one: One) -> lgs_measure::error::Result<Judged> {
+fn evaluate_apart(program: &Path, one: One) -> lgs_measure::error::Result<RunEvaluation> {
     ask(program, &["--one".as_ref(), format!("{}:{}", one.clip, one.run).as_ref()])
 }
 
-fn outcome(found: &Found, out: &Path) -> Outcome {
+fn outcome(found: &SweepFindings, out: &Path) -> Outcome {
     let mut text = String::new();
     for ClipTable { clip, rows, budgets } in &found.tables {
         // Writing to a String cannot fail.
         let _ =
             writeln!(text, "{clip}: {} configurations, of which nothing is both faster and better than", rows.len());
-        let mut front: Vec<&Row> = rows.iter().filter(|row| row.on_front).collect();
+        let mut front: Vec<&PointRow> = rows.iter().filter(|row| row.on_front).collect();
         front.sort_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
         for row in front {
             let psnr = row.figures.psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}"));

@@ -15,11 +15,11 @@ use lgs_measure::{
     machine::Machine,
     scaling::{
         fit::{PowerLaw, STEEP},
-        job::{Found, Job, Meter},
+        job::{Meter, ScalingFindings, ScalingJob},
         measure::{Bench, Space, Times},
         plan::Axis,
-        record::{Causes, SIZE_FORMAT},
-        table::Row,
+        record::{CacheKey, SIZE_FORMAT},
+        table::PartRow,
     },
 };
 
@@ -64,19 +64,19 @@ fn measure(args: &SweepArgs, threads: usize, weights: Option<String>) -> Result<
     let program = std::env::current_exe().context("this program: find")?;
     let [repeats, _] = args.rounds();
     let machine = Machine::this(&program, threads)?;
-    let causes = Causes { format: SIZE_FORMAT.to_owned(), weights, seed: args.seed, repeats, machine };
+    let key = CacheKey { format: SIZE_FORMAT.to_owned(), weights, seed: args.seed, repeats, machine };
     let meter = Others { program };
-    let job = Job { plan: args.scaling.plan(), causes, out: output_dir(args.out.as_deref())?, meter: &meter };
+    let job = ScalingJob { plan: args.scaling.plan(), key, out: output_dir(args.out.as_deref())?, meter: &meter };
     let teller = Teller::new(job.total_weight());
     let found = job.run(&teller)?;
     drop(teller);
     Ok(outcome(&found, &job.out))
 }
 
-fn outcome(found: &Found, out: &Path) -> Outcome {
+fn outcome(found: &ScalingFindings, out: &Path) -> Outcome {
     let mut text = String::new();
     for axis in Axis::ALL {
-        let rows: Vec<&Row> = found.rows.iter().filter(|row| row.axis == axis).collect();
+        let rows: Vec<&PartRow> = found.rows.iter().filter(|row| row.axis == axis).collect();
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,

@@ -6,7 +6,7 @@ use lgs_pages::escape;
 use super::Chapter;
 use crate::{
     error::Result,
-    sweep::{record::read_crop, table::Row},
+    sweep::{record::read_crop, table::PointRow},
 };
 
 /// Most configurations without a reference that are shown.
@@ -37,8 +37,8 @@ fn figure(attribute: &str, caption: &str, bytes: &[u8]) -> String {
 }
 
 /// Numbers of the rows that are shown.
-fn chosen(rows: &[Row]) -> Vec<usize> {
-    let with = |keep: &dyn Fn(&Row) -> bool| -> Vec<usize> {
+fn chosen(rows: &[PointRow]) -> Vec<usize> {
+    let with = |keep: &dyn Fn(&PointRow) -> bool| -> Vec<usize> {
         let mut found: Vec<usize> = (1..=rows.len()).filter(|&number| keep(&rows[number - 1])).collect();
         found.sort_by(|&a, &b| rows[a - 1].seconds.median.total_cmp(&rows[b - 1].seconds.median));
         found

@@ -15,7 +15,7 @@ use crate::{error::Result, machine::Machine};
 use super::{
     budget::BudgetRow,
     record::{ClipRecord, Failed},
-    table::Row,
+    table::PointRow,
 };
 use budgets::budget_table;
 use crops::crops;
@@ -32,7 +32,7 @@ pub struct Chapter<'a> {
     /// What was found on it.
     pub record: &'a ClipRecord,
     /// The same as rows.
-    pub rows: &'a [Row],
+    pub rows: &'a [PointRow],
     /// Of each row, the command that runs it.
     pub commands: &'a [String],
     /// What came of time budgets.
@@ -47,7 +47,7 @@ pub struct Page<'a> {
     /// The clips.
     pub chapters: &'a [Chapter<'a>],
     /// The means over the clips; empty for a single one.
-    pub mean: &'a [Row],
+    pub mean: &'a [PointRow],
     /// Directory of the results.
     pub out: &'a Path,
     /// What could not be measured.

@@ -3,13 +3,13 @@
 use lgs_pages::{Axis, Scale, or_dash};
 
 use super::plot::{Better, Dot, Plot};
-use crate::{means::Means, sweep::table::Row};
+use crate::{means::Means, sweep::table::PointRow};
 
 /// A value of a row, where it is known.
-type Value = fn(&Row) -> Option<f64>;
+type Value = fn(&PointRow) -> Option<f64>;
 
 /// The plots of some rows, of figures that are known.
-pub(super) fn plots(rows: &[Row]) -> String {
+pub(super) fn plots(rows: &[PointRow]) -> String {
     let seconds = Axis::new("seconds of a reconstruction", Scale::Logarithmic);
     let even = |label| Axis::new(label, Scale::Even);
     let psnr: Value = |row| row.figures.psnr;
@@ -35,8 +35,8 @@ pub(super) fn plots(rows: &[Row]) -> String {
     format!("<div class=\"plots\">\n{all}</div>\n")
 }
 
-fn dots(rows: &[Row], x: Value, y: Value, spread: fn(&Row) -> Option<[f64; 2]>) -> Vec<Dot> {
-    let dot = |(row, number): (&Row, usize)| {
+fn dots(rows: &[PointRow], x: Value, y: Value, spread: fn(&PointRow) -> Option<[f64; 2]>) -> Vec<Dot> {
+    let dot = |(row, number): (&PointRow, usize)| {
         let (at_x, at_y) = (x(row)?, y(row)?);
         let reference_steps = row.setting.is_reference().then_some(row.setting.recipe.adam_steps);
         let name = format!("#{number} {}: {}", row.name, says(row));
@@ -46,7 +46,7 @@ fn dots(rows: &[Row], x: Value, y: Value, spread: fn(&Row) -> Option<[f64; 2]>) 
     rows.iter().zip(1..).filter_map(dot).collect()
 }
 
-fn says(row: &Row) -> String {
+fn says(row: &PointRow) -> String {
     let Means { psnr, ssim, .. } = row.figures;
     format!("{:.3} s, PSNR {} dB, SSIM {}", row.seconds.median, or_dash(psnr, 2), or_dash(ssim, 3))
 }

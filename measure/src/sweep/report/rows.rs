@@ -2,10 +2,10 @@
 
 use lgs_pages::{escape, or_dash, table};
 
-use crate::sweep::table::Row;
+use crate::sweep::table::PointRow;
 
 /// The rows as a table; under each name the command where there is one.
-pub(super) fn row_table(rows: &[Row], commands: &[String]) -> String {
+pub(super) fn row_table(rows: &[PointRow], commands: &[String]) -> String {
     let head = [
         "#",
         "configuration",
@@ -39,7 +39,7 @@ pub(super) fn row_table(rows: &[Row], commands: &[String]) -> String {
     table(&head, &body)
 }
 
-fn values(row: &Row) -> [String; 10] {
+fn values(row: &PointRow) -> [String; 10] {
     let figures = &row.figures;
     let reference = row.speed_up();
     [
@@ -57,7 +57,7 @@ fn values(row: &Row) -> [String; 10] {
 }
 
 /// What comes out best, as a sentence: the best learned PSNR, and what per-scene optimisation comes to and needs.
-pub(super) fn best(rows: &[Row]) -> String {
+pub(super) fn best(rows: &[PointRow]) -> String {
     let best_of = |reference: bool| {
         let known = rows.iter().zip(1..).filter(|(row, _)| row.setting.is_reference() == reference);
         let scored = known.filter_map(|(row, number)| row.figures.psnr.map(|psnr| (row, number, psnr)));

@@ -9,14 +9,14 @@ use crate::views::View;
 
 /// How many views a step looks at, in random turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Turns {
+pub struct ViewSchedule {
     /// Views of a step; `None` for all of them.
     pub views_per_step: Option<NonZeroUsize>,
     /// Decides on the turns.
     pub seed: u64,
 }
 
-impl Turns {
+impl ViewSchedule {
     /// The views of a step, in their order: all, or as many as a step looks at, in turns each of which has every view once in an order of
     /// its own.
     pub fn of_step<'a>(&self, step: usize, views: &[&'a View]) -> Vec<&'a View> {
@@ -71,35 +71,35 @@ impl Orders {
 
 #[cfg(test)]
 mod tests {
-    use super::Turns;
+    use super::ViewSchedule;
 
-    fn turns(views_per_step: usize, seed: u64) -> Turns {
-        Turns { views_per_step: std::num::NonZeroUsize::new(views_per_step), seed }
+    fn schedule(views_per_step: usize, seed: u64) -> ViewSchedule {
+        ViewSchedule { views_per_step: std::num::NonZeroUsize::new(views_per_step), seed }
     }
 
     #[test]
     fn every_view_has_its_turn() {
         let mut counts = [0; 6];
         for step in 0..20 {
-            let views = turns(3, 4).indices(step, 6);
+            let views = schedule(3, 4).indices(step, 6);
             assert!(views.is_sorted() && views.len() == 3, "{views:?}");
             views.into_iter().for_each(|view| counts[view] += 1);
         }
         assert_eq!(counts, [10; 6]);
-        let first = |seed| (0..9).map(|step| turns(3, seed).indices(step, 6)).collect::<Vec<_>>();
+        let first = |seed| (0..9).map(|step| schedule(3, seed).indices(step, 6)).collect::<Vec<_>>();
         assert_eq!(first(4), first(4));
         assert_ne!(first(4), first(5));
-        assert!(!turns(3, 4).take_all(6));
+        assert!(!schedule(3, 4).take_all(6));
     }
 
     #[test]
     fn no_limit_or_one_that_is_no_less_means_all() {
         for limit in [0, 4, 9] {
-            assert_eq!(turns(limit, 0).indices(3, 4), [0, 1, 2, 3]);
-            assert!(turns(limit, 0).take_all(4));
+            assert_eq!(schedule(limit, 0).indices(3, 4), [0, 1, 2, 3]);
+            assert!(schedule(limit, 0).take_all(4));
         }
         // The turns do not fit together with the steps: a view that two turns give to one step counts once.
-        let views = turns(2, 1).indices(1, 3);
+        let views = schedule(2, 1).indices(1, 3);
         assert!((1..=2).contains(&views.len()));
     }
 }

@@ -9,7 +9,7 @@ use crate::error::{MeasureError, Result};
 /// A run with a budget.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Spent {
+pub struct BudgetRun {
     /// What was asked for: seconds from the start of the program until the scene is finished.
     pub budget_s: f64,
     /// What it took.
@@ -24,7 +24,7 @@ pub struct Spent {
     pub psnr: Option<f64>,
 }
 
-impl Spent {
+impl BudgetRun {
     /// The run that a `metrics.json` tells of.
     ///
     /// # Errors
@@ -62,8 +62,8 @@ mod tests {
             "stages_s": { "points": 0.25 },
             "mean": { "held_out": { "psnr": 21.5 } },
         });
-        let want = Spent { budget_s: 2.0, finished_s: 1.75, before_s: 0.25, fits: true, recipe, psnr: Some(21.5) };
-        assert_eq!(Spent::of(&page).unwrap(), want);
-        assert!(Spent::of(&json!({ "budget": null })).is_err());
+        let want = BudgetRun { budget_s: 2.0, finished_s: 1.75, before_s: 0.25, fits: true, recipe, psnr: Some(21.5) };
+        assert_eq!(BudgetRun::of(&page).unwrap(), want);
+        assert!(BudgetRun::of(&json!({ "budget": null })).is_err());
     }
 }

@@ -24,7 +24,7 @@ pub enum Wanted {
 
 /// Is told of the stages of a run and notes what they take.
 #[derive(Debug)]
-pub struct Laps {
+pub struct StageProfiler {
     wanted: Wanted,
     state: Mutex<State>,
 }
@@ -36,27 +36,27 @@ struct State {
     resident_mb: Option<f64>,
     /// Steps of [`Stage::Points`] that are done.
     steps: usize,
-    found: Found,
+    found: StageCosts,
 }
 
 /// What parts took.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct StageCosts {
     /// Seconds of the steps of [`Stage::Points`].
     pub seconds: BTreeMap<Part, f64>,
     /// Of each part, how far resident memory rose above what it was when the part began, 10^6 bytes.
     pub memory_mb: BTreeMap<Part, f64>,
 }
 
-impl Laps {
+impl StageProfiler {
     /// One that has noted nothing yet.
     pub fn new(wanted: Wanted) -> Self {
-        let state = State { began: Instant::now(), resident_mb: None, steps: 0, found: Found::default() };
+        let state = State { began: Instant::now(), resident_mb: None, steps: 0, found: StageCosts::default() };
         Self { wanted, state: Mutex::new(state) }
     }
 
     /// What was noted.
-    pub fn found(self) -> Found {
+    pub fn found(self) -> StageCosts {
         self.state.into_inner().unwrap_or_else(PoisonError::into_inner).found
     }
 
@@ -83,7 +83,7 @@ impl Laps {
     }
 }
 
-impl Progress for Laps {
+impl Progress for StageProfiler {
     fn begin(&self, stage: Stage, _: usize) {
         // Figures are made while views are drawn: what both need counts for the drawing.
         if stage != Stage::Evaluate {
@@ -118,17 +118,17 @@ mod tests {
 
     #[test]
     fn steps_of_the_first_stage_are_parts_and_memory_is_what_was_needed_in_between() {
-        let laps = Laps::new(Wanted::Memory);
-        laps.begin(Stage::Points, 3);
+        let profiler = StageProfiler::new(Wanted::Memory);
+        profiler.begin(Stage::Points, 3);
         for step in 0..3_u64 {
             std::thread::sleep(std::time::Duration::from_millis(2 * step));
-            laps.step(Stage::Points);
+            profiler.step(Stage::Points);
         }
-        laps.end(Stage::Points);
-        laps.begin(Stage::Query, 1);
+        profiler.end(Stage::Points);
+        profiler.begin(Stage::Query, 1);
         let touched = std::hint::black_box(vec![1_u8; 100_000_000]);
-        laps.end(Stage::Query);
-        let found = laps.found();
+        profiler.end(Stage::Query);
+        let found = profiler.found();
         assert_eq!(found.seconds.keys().copied().collect::<Vec<_>>(), Part::OF_POINTS);
         assert!(found.seconds[&Part::Spacing] >= 0.004 && touched.len() == 100_000_000);
         if cfg!(target_os = "linux") {
