@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::fit;
+use super::{fit, work::ClipWork};
 use crate::{
     error::{EngineError, Result},
     recipe::Recipe,
@@ -13,18 +13,6 @@ use crate::{
 pub const PRESETS_FORMAT: &str = "lgs-presets/1";
 /// The file in the repository, as it was when the program was built.
 const SHIPPED: &str = include_str!("../../../models/presets.json");
-
-/// How much there is to do on a clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ClipWork {
-    /// `LiDAR` Gaussians at the beginning.
-    pub points: usize,
-    /// Pixels of all input views.
-    pub pixels: usize,
-    /// Input views.
-    pub views: usize,
-}
 
 /// A clip that was measured on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use super::{
     measure::{Space, Times},
     page::{Page, html},
     plan::{Plan, Size},
-    record::{CacheKey, SizeRecord},
+    record::{CacheKey, FailedSize, SizeRecord},
     street,
     table::{PartRow, rows},
 };
@@ -50,22 +50,13 @@ pub struct ScalingJob<'a> {
     pub meter: &'a dyn Meter,
 }
 
-/// A size that could not be measured.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Failed {
-    /// The size.
-    pub size: String,
-    /// Why not.
-    pub reason: String,
-}
-
 /// What a job found.
 #[derive(Debug, Default)]
 pub struct ScalingFindings {
     /// Each part along each axis.
     pub rows: Vec<PartRow>,
     /// What could not be measured.
-    pub failed: Vec<Failed>,
+    pub failed: Vec<FailedSize>,
 }
 
 /// `scaling.json`.
@@ -75,7 +66,7 @@ struct Whole<'a> {
     key: &'a CacheKey,
     rows: &'a [PartRow],
     sizes: &'a [SizeRecord],
-    failed: &'a [Failed],
+    failed: &'a [FailedSize],
 }
 
 impl ScalingJob<'_> {
@@ -108,7 +99,7 @@ impl ScalingJob<'_> {
                 Err(error) => {
                     let reason = error.to_string();
                     observer.note(&format!("{size}: {reason}"));
-                    failed.push(Failed { size: size.to_string(), reason });
+                    failed.push(FailedSize { size: size.to_string(), reason });
                 }
             }
             observer.did(size.weight(), true);

@@ -5,11 +5,10 @@ use lgs_pages::{document, escape, or_dash, section, table, thousands};
 
 use super::{
     fit::{PowerLaw, STEEP},
-    job::Failed,
     part::Part,
     plan::Axis,
     plot::{Cost, exponent, svg},
-    record::SizeRecord,
+    record::{FailedSize, SizeRecord},
     table::PartRow,
 };
 use crate::{machine::Machine, statistics::Quartiles, sweep::report::STYLE as SHARED};
@@ -22,7 +21,7 @@ pub(super) struct Page<'a> {
     pub(super) machine: &'a Machine,
     pub(super) rows: &'a [PartRow],
     pub(super) records: &'a [SizeRecord],
-    pub(super) failed: &'a [Failed],
+    pub(super) failed: &'a [FailedSize],
 }
 
 /// The page.
@@ -40,7 +39,7 @@ pub(super) fn html(page: &Page<'_>) -> String {
     body += &section("Time against work", &plots(page.rows, Cost::Seconds));
     body += &section("Memory against work", &plots(page.rows, Cost::Memory));
     if !page.failed.is_empty() {
-        let line = |failed: &Failed| format!("<li>{}: {}</li>\n", escape(&failed.size), escape(&failed.reason));
+        let line = |failed: &FailedSize| format!("<li>{}: {}</li>\n", escape(&failed.size), escape(&failed.reason));
         let lines: String = page.failed.iter().map(line).collect();
         body += &section("Could not be measured", &format!("<ul>\n{lines}</ul>\n"));
     }

@@ -47,6 +47,15 @@ pub struct SizeRecord {
     pub space: Space,
 }
 
+/// A size that could not be measured.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FailedSize {
+    /// The size.
+    pub size: String,
+    /// Why not.
+    pub reason: String,
+}
+
 impl SizeRecord {
     /// The file of a size.
     pub fn file(folder: &Path, size: &Size) -> PathBuf {

@@ -6,11 +6,12 @@ use super::{
     config::StreetSpec,
     dice::Dice,
     facade::{Facade, Masonry},
-    material::{Material, colour},
+    material::Material,
     maths::narrow3,
     object::Palette,
     primitive::Part,
     shapes::{Shape, Taper},
+    surface::colour,
 };
 
 /// Wall colours as they look on a screen.

@@ -5,11 +5,12 @@ use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
+    material::Material,
     maths::{rotation_x, rotation_y},
     object::{Model, Palette},
     primitive::{MaterialId, Part},
     shapes::Shape,
+    surface::colour,
 };
 
 /// Radius of the wheels (metres).

@@ -5,12 +5,13 @@ use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
+    material::Material,
     maths::narrow3,
     object::Palette,
     primitive::{MaterialId, Part},
     shapes::{Shape, Taper},
     sign_texture::SignFace,
+    surface::colour,
 };
 
 /// Materials that all furniture of a street shares.

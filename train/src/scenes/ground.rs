@@ -4,11 +4,11 @@ use glam::{Vec2, Vec3};
 use lgs_formats::casts::to_f32;
 
 use super::{
-    material::{Texel, colour},
     maths::{cell, hash, mix, smoothstep, unit},
     road::Road,
     shapes::Ray,
     side_street::SideStreet,
+    surface::{Texel, colour},
     texture::{octaves, pulse, stripes, survives},
 };
 

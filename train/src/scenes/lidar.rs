@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::{
     dice::Dice,
-    layout::streams,
     maths::{narrow_mat, narrow3, rotation_y, rotation_z, smoothstep},
     rig::LidarSpec,
     shapes::Ray,
+    streams,
     world::Moment,
 };
 

@@ -5,8 +5,8 @@ use lgs_formats::casts::to_f32;
 
 use super::{
     config::LightSpec,
-    material::colour,
     maths::{mix, narrow3, rotation_y, rotation_z, smoothstep},
+    surface::colour,
     texture::{noise, octaves},
 };
 

@@ -5,11 +5,12 @@ use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
+    material::Material,
     maths::{rotation_x, rotation_y, rotation_z},
     object::Palette,
     primitive::Part,
     shapes::Shape,
+    surface::colour,
 };
 
 /// The looks that the trees of a street share.

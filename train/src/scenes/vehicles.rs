@@ -6,11 +6,12 @@ use lgs_formats::casts::to_f32;
 use super::{
     car_texture::WHEELBASE,
     dice::Dice,
-    material::{Material, colour},
+    material::Material,
     maths::{narrow3, rotation_x, rotation_y},
     object::{Model, Palette},
     primitive::{MaterialId, Part},
     shapes::{Shape, Taper},
+    surface::colour,
 };
 
 /// Paints of cars as they look on a screen.

@@ -12,7 +12,7 @@ mod sky;
 
 use std::cmp::Reverse;
 
-use lgs_formats::casts::to_u32;
+use lgs_formats::{casts::to_u32, image::PixelLabel};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -185,6 +185,11 @@ fn append(set: &mut GaussianSet, view: &View, rows: Vec<[f32; NUM_ATTRIBUTES]>) 
 
 fn frame_of(view: &View) -> u32 {
     to_u32(view.frame)
+}
+
+/// Whether a pixel takes part in nothing.
+fn is_ignored(view: &View, pixel: usize) -> bool {
+    view.labels.as_ref().is_some_and(|labels| labels[pixel] == PixelLabel::Ignored)
 }
 
 /// Velocity (metres a second) of a camera between two of its images; 0 when they were taken at the same moment, or nearly.

@@ -8,7 +8,7 @@ mod nearest;
 mod outline;
 
 use self::{colours::Pixels, nearest::Nearest, outline::Outline};
-use super::{Sheet, depth::Trust, emit::is_ignored, gaps::continued};
+use super::{Sheet, depth::Trust, gaps::continued, is_ignored};
 use crate::{
     gaussians::motion::{Flow, Movement, STANDS},
     points::{PointCloud, moved, samples_of},
