@@ -233,7 +233,7 @@ fn signals_are_not_mixed() -> Outcome {
     refused(&folders.map(|(folder, _)| folder), "config.signal: expected Response, as before, found Magnitude")
 }
 
-/// ViewSchedule round the targets of the clip that is held out: the weights are the same bits, what is measured is not.
+/// Turns round the targets of the clip that is held out: the weights are the same bits, what is measured is not.
 fn held_out_is_not_learnt() -> Outcome {
     let place = tempfile::tempdir()?;
     let mut found = Vec::new();
