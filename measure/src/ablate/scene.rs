@@ -7,6 +7,7 @@ use lgs_engine::{
     gaussians::GaussianSet,
     network::model::FoldedModel,
     pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
+    recipe::Recipe,
     refine::{
         ViewSchedule,
         adam::{Adam, AdamSettings},
@@ -121,15 +122,15 @@ fn variant(name: &str, made: &Made, point: Option<&Point>) -> Variant {
 impl Bench<'_> {
     /// What the network makes of the initial Gaussians before it refines, and the policy's scores.
     fn make(&self, way: Way) -> Result<(Made, Option<DensityMap>)> {
-        let settings = NetworkSettings {
-            model: self.model,
-            refine: 0.into(),
+        let recipe = Recipe {
             query: way.query,
             density: way.density,
             thresholds: way.thresholds,
             max_gaussians: way.limit,
-            seed: self.settings.seed,
+            refine_steps: 0,
+            ..Recipe::default()
         };
+        let settings = NetworkSettings::of(&recipe, self.model, self.settings.seed, None);
         let mut scene = self.start.clone();
         let begun = Instant::now();
         let run = run_network(&mut scene, &self.subject.views(), &settings, &mut Watch::new(&Silent))?;

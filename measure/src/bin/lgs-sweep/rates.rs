@@ -5,8 +5,9 @@ use std::io::Write;
 use anyhow::{Context, Result};
 use lgs_cli::threads;
 use lgs_engine::{
-    densify::{Density, Thresholds},
+    densify::Density,
     pipeline::{NetworkSettings, Silent, Watch, run_network},
+    recipe::Recipe,
 };
 use lgs_measure::{
     ablate::{
@@ -35,15 +36,8 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
     for (subject, choice) in subjects.iter().zip(&choices) {
         let mut scene = subject.start()?.scene;
         if let Some(loaded) = &model {
-            let settings = NetworkSettings {
-                model: &loaded.model,
-                refine: 0.into(),
-                query: true,
-                density: Density::Off,
-                thresholds: Thresholds::default(),
-                max_gaussians: None,
-                seed: 0,
-            };
+            let recipe = Recipe { density: Density::Off, refine_steps: 0, ..Recipe::default() };
+            let settings = NetworkSettings::of(&recipe, &loaded.model, 0, None);
             run_network(&mut scene, &subject.views(), &settings, &mut Watch::new(&Silent))?;
         }
         let recorded = serde_json::to_string(&choice.recorded()).context("encode a choice")?;
