@@ -131,7 +131,7 @@ impl<'a> NetworkSettings<'a> {
     /// When there is a budget and no set update that could meet it.
     fn check_budget(&self, skipped: Option<UpdateSkipped>) -> Result<()> {
         let found = match skipped {
-            Some(UpdateSkipped::Off) => "density off",
+            Some(UpdateSkipped::Off) => "`density off`",
             Some(UpdateSkipped::NotInModel) => "weights of a model without one",
             None => return Ok(()),
         };
