@@ -128,6 +128,11 @@ impl GaussianSet {
         }
     }
 
+    /// The branch that Gaussian `i` belongs to.
+    pub fn branch_of(&self, i: usize) -> Branch {
+        if i < self.num_lidar { Branch::Lidar } else { Branch::Background }
+    }
+
     /// Number of Gaussians of the background.
     pub fn num_background(&self) -> usize {
         self.len() - self.num_lidar

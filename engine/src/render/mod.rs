@@ -87,18 +87,6 @@ pub struct RenderedWithState {
 }
 
 impl RenderedWithState {
-    /// Bytes that the gradient pass keeps and needs beside the Gaussians and the images.
-    pub fn state_bytes(&self) -> usize {
-        let lists = &self.lists;
-        let indices = lists.first_of_splat.len()
-            + lists.places_of_splats.len()
-            + lists.first_of_tile.len()
-            + lists.intersections.len();
-        4 * (indices + self.tiles.len())
-            + size_of_val(lists.footprints.as_slice())
-            + lists.intersections.len() * size_of::<backward::Moments>()
-    }
-
     /// Indices of the Gaussians that can reach a pixel, nearest first.
     pub fn visible(&self) -> impl Iterator<Item = usize> + '_ {
         self.lists.footprints.iter().map(|footprint| footprint.index as usize)

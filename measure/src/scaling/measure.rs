@@ -32,15 +32,6 @@ const ENOUGH_S: f64 = 20.0;
 /// Seconds of each part in one run.
 pub type Pass = BTreeMap<Part, f64>;
 
-/// What a process finds out about a clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Question {
-    /// Time.
-    Times,
-    /// Memory, and what there is to do.
-    Space,
-}
-
 /// What runs of a clip in one process took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
