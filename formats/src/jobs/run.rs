@@ -38,6 +38,8 @@ pub enum ItemEvent<'a> {
         /// Items done in earlier runs.
         done: usize,
     },
+    /// An item is done and kept.
+    Done(&'a str),
     /// An item failed.
     Failed(&'a FailedItem),
 }
@@ -108,6 +110,7 @@ pub fn try_items<S: ItemStore, E: Display>(
             Ok(made) => {
                 store.keep(item, made)?;
                 tried.done_now += 1;
+                tell(ItemEvent::Done(item));
             }
             Err(error) => {
                 let failed = FailedItem { item: item.to_owned(), reason: error.to_string() };

@@ -1,6 +1,6 @@
 //! A run: every clip of this share that is not done yet, then the shards.
 
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -95,23 +95,26 @@ pub fn run(job: &TargetJob<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outco
         store.expect_empty(&own, job.part)?;
     }
     let (mut seconds, mut passes) = (Seconds::default(), 0);
-    let tell = RefCell::new(tell);
+    // Primitives of the clip that was made last, and seconds so far.
+    let last = Cell::new((0, 0.0));
     let mut make = |name: &str| {
         let clip = job.clips.iter().find(|clip| clip.name == name).ok_or_else(|| unknown(name))?;
         let (encoded, views) = one(job, clip, &mut seconds)?;
         passes += num_passes(&job.config, views);
-        let (primitives, seconds) = (encoded.dims.primitives, seconds.total());
-        tell.borrow_mut()(Event::Done { clip: name, primitives, seconds });
+        last.set((encoded.dims.primitives, seconds.total()));
         Ok::<_, TargetError>(encoded)
     };
     let told = &mut |event: ItemEvent<'_>| match event {
-        ItemEvent::Start { todo, done } => tell.borrow_mut()(Event::Start { todo, done }),
-        ItemEvent::Failed(failed) => tell.borrow_mut()(Event::Failed(failed)),
+        ItemEvent::Start { todo, done } => tell(Event::Start { todo, done }),
+        ItemEvent::Done(clip) => {
+            let (primitives, seconds) = last.get();
+            tell(Event::Done { clip, primitives, seconds });
+        }
+        ItemEvent::Failed(failed) => tell(Event::Failed(failed)),
     };
     let Tried { done_now, done_before, failed } = try_items(&mut store, &items, &mut make, told)?;
     let failed: Vec<FailedClip> =
         failed.into_iter().map(|FailedItem { item: clip, reason }| FailedClip { clip, reason }).collect();
-    let tell = tell.into_inner();
     seconds.write += store.write_s;
     tell(Event::Packing);
     let mut clock = Instant::now();
