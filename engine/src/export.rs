@@ -1,6 +1,7 @@
 //! A scene as a splat cloud, the form in which files hold it.
 
 use glam::{DMat3, DQuat, DVec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     cloud::{SH_DC, SplatCloud},
     viewer::Stop,
@@ -9,7 +10,7 @@ use lgs_formats::{
 use crate::{
     densify::DensityMap,
     error::Result,
-    gaussians::{GaussianSet, LOGIT_OPACITY, MEAN, physical::to_physical},
+    gaussians::{GaussianSet, LOGIT_OPACITY, mean_of, physical::to_physical},
     views::View,
 };
 
@@ -58,7 +59,7 @@ pub fn to_cloud(set: &GaussianSet, density: Option<&DensityMap>, shown: Shown) -
     let physical = to_physical(set);
     let rows = &set.attributes;
     Ok(SplatCloud {
-        means: rows.iter().map(|row| shown.place(std::array::from_fn(|k| row[MEAN.start + k]))).collect(),
+        means: rows.iter().map(|row| shown.place(mean_of(row))).collect(),
         log_scales: physical.iter().map(|splat| splat.scale.map(f32::ln)).collect(),
         quats: physical.iter().map(|splat| shown.quat(normalised(splat.quat))).collect(),
         logit_opacities: rows.iter().map(|row| row[LOGIT_OPACITY]).collect(),
@@ -112,17 +113,12 @@ fn normalised(quat: [f32; 4]) -> [f32; 4] {
     if length == 0.0 { [1.0, 0.0, 0.0, 0.0] } else { quat.map(|v| to_f32(f64::from(v) / length)) }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
-fn to_f32(value: f64) -> f32 {
-    value as f32
-}
-
 #[cfg(test)]
 mod tests {
     use lgs_formats::image::RgbImage;
 
     use super::*;
-    use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, QUAT};
+    use crate::gaussians::{LOG_SCALE, LOGIT_COLOUR, MEAN, QUAT};
     use crate::views::{PinholeView, Role};
 
     /// One Gaussian of the `LiDAR` branch and one of the background, the same but for the branch.

@@ -5,7 +5,7 @@
 pub mod allocator;
 mod cholesky;
 pub mod error;
-pub mod threads;
+pub mod words;
 
 pub mod ops;
 

@@ -2,13 +2,14 @@
 
 use std::time::Instant;
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
 use crate::loss::{LossWeights, image_loss, residual_image, velocity_loss};
 use crate::render::{RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
-use crate::views::{View, to_f32};
+use crate::views::View;
 
 /// Colour behind all Gaussians.
 pub(crate) const BEHIND: [f32; 3] = [0.0; 3];

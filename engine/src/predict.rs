@@ -6,8 +6,7 @@ use std::sync::Arc;
 use candle_core::Tensor;
 
 use crate::error::{EngineError, Result};
-use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
-use crate::network::branch::{Branch, positions};
+use crate::gaussians::{Branch, GaussianSet, NUM_ATTRIBUTES};
 use crate::network::config::ModelConfig;
 use crate::network::levels::{Levels, voxels_of};
 use crate::network::model::Model;
@@ -34,7 +33,7 @@ pub enum QuerySkipped {
 /// # Errors
 /// When a position leaves the voxel grid.
 pub fn backbone(set: &GaussianSet, model: &Model) -> Result<Tensor> {
-    let chosen: Vec<usize> = Branch::Lidar.range(set).collect();
+    let chosen: Vec<usize> = set.rows(Branch::Lidar).collect();
     let levels = model.levels(&model.voxels(set, &chosen, Branch::Lidar)?, Branch::Lidar)?;
     let rows = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
     Ok(model.initial.features(&rows, &levels, false)?)
@@ -67,8 +66,7 @@ pub fn other_time_neighbours(set: &GaussianSet, k: usize) -> Result<Option<Neigh
     if groups.iter().all(|group| *group == groups[0]) {
         return Ok(None);
     }
-    let chosen: Vec<usize> = (0..set.num_lidar).collect();
-    let points: Vec<[f32; 3]> = positions(set, &chosen).collect();
+    let points: Vec<[f32; 3]> = set.rows(Branch::Lidar).map(|i| set.mean(i)).collect();
     Ok(Some(nearest_other_time(&points, &groups, k)?))
 }
 
@@ -99,7 +97,7 @@ pub fn predict(set: &mut GaussianSet, features: &Tensor, model: &Model) -> Resul
     let point_inputs = of_rows(initial_rows(set, &chosen), INITIAL_INPUTS)?;
     let outputs = model.initial.heads().forward(features, &point_inputs)?;
     check_outputs(&add_outputs(set, &chosen, &outputs)?, chosen.len())?;
-    let chosen: Vec<usize> = Branch::Background.range(set).collect();
+    let chosen: Vec<usize> = set.rows(Branch::Background).collect();
     if chosen.is_empty() {
         return Ok(());
     }
@@ -186,7 +184,8 @@ impl PolicyInputs {
     /// When a position leaves the voxel grid, or the voxels span more than the curves' bits.
     pub fn new(features: &Tensor, set: &GaussianSet, chosen: &[usize], config: &ModelConfig) -> Result<Option<Self>> {
         let Some(policy) = config.policy.as_ref().filter(|_| !chosen.is_empty()) else { return Ok(None) };
-        let levels = Levels::new(&voxels_of(positions(set, chosen), config.voxel_size)?, policy.encoder.len())?;
+        let voxels = voxels_of(chosen.iter().map(|&i| set.mean(i)), config.voxel_size)?;
+        let levels = Levels::new(&voxels, policy.encoder.len())?;
         let maps: Vec<_> = levels.levels.iter().map(|level| level.submanifold.clone()).collect();
         let geometry = Geometry::new(&levels.sites, &maps, policy)?;
         let (width, states) = (config.unet.width(), initial_rows(set, chosen));
@@ -208,6 +207,7 @@ impl PolicyInputs {
 #[cfg(test)]
 mod tests {
     use super::{GaussianSet, other_time_neighbours};
+    use crate::gaussians::Gaussian;
 
     /// Three frames of twenty primitives each, all over the same place.
     fn scene(time: impl Fn(u32, u32) -> f32) -> GaussianSet {
@@ -215,10 +215,7 @@ mod tests {
         for (frame, i) in (0..3).flat_map(|frame| (0..20).map(move |i| (frame, i))) {
             let mut row = [0.0; 14];
             row[0] = (i * 7 % 20) as f32 + 0.3 * frame as f32;
-            set.attributes.push(row);
-            set.times.push(time(frame, i));
-            set.frames.push(frame);
-            set.velocities.push([0.0; 3]);
+            set.push(Gaussian { attributes: row, time: time(frame, i), frame, velocity: [0.0; 3] });
         }
         set.num_lidar = set.len();
         set

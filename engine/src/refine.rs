@@ -3,16 +3,15 @@
 pub mod adam;
 mod lengths;
 mod summary;
-mod turns;
+mod view_schedule;
 
 use std::{borrow::Cow, time::Instant};
 
 use candle_core::Tensor;
 
 use crate::error::Result;
-use crate::gaussians::{GaussianSet, RawGradient};
+use crate::gaussians::{Branch, GaussianSet, RawGradient};
 use crate::loss::LossWeights;
-use crate::network::branch::Branch;
 use crate::network::config::{Guidance, ModelConfig, StepLength};
 use crate::network::guide::{Guide, gradient_inputs, refine_inputs, refine_rows};
 use crate::network::levels::Levels;
@@ -20,12 +19,12 @@ use crate::network::model::Model;
 use crate::objective::{Objective, Wanted, objective_with};
 use crate::ops::tensors::of_rows;
 use crate::predict::add_outputs;
-use crate::render::{Pass, Probes};
+use crate::render::{MemoryEstimate, Pass};
 use crate::views::{View, at_factor};
 
 pub use lengths::{lengthen, step_lengths};
-pub use summary::{LineSearch, Measured, RefineSeconds, RefineSettings, RefineSummary, Refined};
-pub use turns::Turns;
+pub use summary::{KnownObjective, LineSearch, RefineSeconds, RefineSettings, RefineSummary, Refined};
+pub use view_schedule::ViewSchedule;
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
 #[derive(Debug, Default)]
@@ -85,84 +84,127 @@ pub fn refine_and_measure(
     settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
 ) -> Result<Refined> {
-    let RefineSettings { steps, turns, reduce, until, line_search, optimised_after } = settings.into();
-    let mut summary = RefineSummary::default();
-    let mut pyramids = [Pyramid::default(), Pyramid::default()];
-    if steps == 0 || views.is_empty() || set.is_empty() {
+    let settings: RefineSettings = settings.into();
+    if settings.steps == 0 || views.is_empty() || set.is_empty() {
         return Ok(Refined::default());
     }
     set.check_finite()?;
-    let reduced = at_factor(views, reduce);
+    let reduced = at_factor(views, settings.reduce);
     let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    let guidance = model.config.guidance;
-    let searches = |index| model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps);
-    // What is wanted of the scene before a step, and of the refined one, which is before none.
-    let wanted_before = |index| match index < steps {
-        true => Wanted { images: searches(index), ..wanted(&model.config) },
-        false => Wanted { gradient: optimised_after, ..Wanted::default() },
-    };
-    let judged = turns.take_all(views.len());
+    let mut refinement = Refinement::new(model, settings);
+    // Steps that look at all views are measured: only one that lowers the loss is accepted.
+    let is_measured = settings.schedule.take_all(views.len());
     let mut carried = None;
-    for index in 0..steps {
+    for index in 0..settings.steps {
         let looked = Instant::now();
-        let chosen = turns.of_step(index, &views);
+        let chosen = settings.schedule.of_step(index, &views);
         let mut current = match carried.take() {
             Some(measured) => measured,
-            None => measured(set, &chosen, wanted_before(index), &mut summary)?,
+            None => refinement.measure(set, &chosen, index)?,
         };
-        // What the next step will take again: of steps that are judged, only the first begins with a measurement of its own.
-        let begun = if judged { Instant::now() } else { looked };
+        // What the next step will take again: of steps that are measured, only the first begins with a measurement of its own.
+        let begun = if is_measured { Instant::now() } else { looked };
         let before = set.clone();
-        summary.non_finite_gradients += silence_guide(&mut current, guidance);
-        summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
-        let start = Instant::now();
-        for (branch, pyramid) in Branch::ALL.into_iter().zip(&mut pyramids) {
-            summary.non_finite_outputs += step(set, &current, model, branch, pyramid)?;
-        }
-        summary.seconds.network += start.elapsed().as_secs_f64();
-        if *set == before {
-            summary.stopped_early = true;
+        let has_moved = refinement.step(set, &before, &mut current, &chosen, index)?;
+        let after = if has_moved && is_measured { Some(refinement.measure(set, &chosen, index + 1)?) } else { None };
+        if !has_moved || !refinement.accept(set, before, current.loss, after.as_ref()) {
+            refinement.summary.stopped_early = true;
             break;
         }
-        if searches(index) {
-            let start = Instant::now();
-            lengthen(set, &before, &step_lengths(&current.images, set, &chosen));
-            summary.seconds.lengths += start.elapsed().as_secs_f64();
-        }
-        if judged {
-            let after = measured(set, &chosen, wanted_before(index + 1), &mut summary)?;
-            // Written so that a loss that is not a number counts as no gain.
-            let fell = after.loss < current.loss;
-            if !fell {
-                *set = before;
-                summary.stopped_early = true;
-                break;
-            }
-            carried = Some(after);
-        }
-        summary.steps += 1;
+        carried = after;
         show(set);
-        if until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
+        if settings.until.is_some_and(|until| Instant::now() + begun.elapsed() > until) {
             break;
         }
     }
-    summary.pyramids_kept = pyramids[0].reused;
-    let has_gradient = optimised_after && summary.steps == steps;
-    let measured = carried.filter(|_| has_gradient).map(|objective| Measured { objective, reduce });
-    Ok(Refined { summary, measured })
+    Ok(refinement.finish(carried))
 }
 
-/// The objective, noted in the summary.
-///
-/// # Errors
-/// As [`Probes::check`].
-fn measured(set: &GaussianSet, views: &[&View], wanted: Wanted, summary: &mut RefineSummary) -> Result<Objective> {
-    Probes::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
-    let found = objective_with(set, views, &LossWeights::default(), wanted);
-    summary.losses.push(found.loss);
-    summary.seconds.render += found.seconds.render;
-    summary.seconds.loss += found.seconds.loss;
-    Ok(found)
+/// A refinement between two of its steps.
+struct Refinement<'a> {
+    model: &'a Model,
+    settings: RefineSettings,
+    /// Of the `LiDAR` branch and of the background.
+    pyramids: [Pyramid; 2],
+    summary: RefineSummary,
+}
+
+impl<'a> Refinement<'a> {
+    fn new(model: &'a Model, settings: RefineSettings) -> Self {
+        Self { model, settings, pyramids: Default::default(), summary: RefineSummary::default() }
+    }
+
+    /// Whether every Gaussian's length of a step is searched for.
+    fn searches(&self, index: usize) -> bool {
+        let RefineSettings { steps, line_search, .. } = self.settings;
+        self.model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps)
+    }
+
+    /// The loss of the scene before step `index`, with what the step takes; of the refined scene, which is before none, with what follows.
+    ///
+    /// # Errors
+    /// As [`MemoryEstimate::check`].
+    fn measure(&mut self, set: &GaussianSet, views: &[&View], index: usize) -> Result<Objective> {
+        let wanted = if index < self.settings.steps {
+            Wanted { images: self.searches(index), ..wanted(&self.model.config) }
+        } else {
+            Wanted { gradient: self.settings.optimised_after, ..Wanted::default() }
+        };
+        MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+        let found = objective_with(set, views, &LossWeights::default(), wanted);
+        self.summary.losses.push(found.loss);
+        self.summary.seconds.render += found.seconds.render;
+        self.summary.seconds.loss += found.seconds.loss;
+        Ok(found)
+    }
+
+    /// Moves both branches, which are as `before`, by what the network says of a measurement, as far as each Gaussian's length; whether anything has moved.
+    fn step(
+        &mut self,
+        set: &mut GaussianSet,
+        before: &GaussianSet,
+        current: &mut Objective,
+        views: &[&View],
+        index: usize,
+    ) -> Result<bool> {
+        self.summary.non_finite_gradients += zero_non_finite_guide(current, self.model.config.guidance);
+        self.summary.unseen = current.seen.iter().filter(|seen| !**seen).count();
+        let start = Instant::now();
+        for (branch, pyramid) in Branch::ALL.into_iter().zip(&mut self.pyramids) {
+            self.summary.non_finite_outputs += step(set, current, self.model, branch, pyramid)?;
+        }
+        self.summary.seconds.network += start.elapsed().as_secs_f64();
+        if set == before {
+            return Ok(false);
+        }
+        if self.searches(index) {
+            let start = Instant::now();
+            lengthen(set, before, &step_lengths(&current.images, set, views));
+            self.summary.seconds.lengths += start.elapsed().as_secs_f64();
+        }
+        Ok(true)
+    }
+
+    /// Whether a step is kept: where it was measured, the loss has to have fallen; else the scene is what it was before.
+    fn accept(&mut self, set: &mut GaussianSet, before: GaussianSet, loss: f64, after: Option<&Objective>) -> bool {
+        // Written so that a loss that is not a number counts as no gain.
+        let is_kept = after.is_none_or(|after| after.loss < loss);
+        if is_kept {
+            self.summary.steps += 1;
+        } else {
+            *set = before;
+        }
+        is_kept
+    }
+
+    /// What was done, and the last measurement where it has the gradient that per-scene optimisation begins with.
+    fn finish(mut self, last: Option<Objective>) -> Refined {
+        self.summary.pyramids_kept = self.pyramids[0].reused;
+        let RefineSettings { steps, optimised_after, reduce, .. } = self.settings;
+        let has_gradient = optimised_after && self.summary.steps == steps;
+        let measured = last.filter(|_| has_gradient).map(|objective| KnownObjective { objective, reduce });
+        Refined { summary: self.summary, measured }
+    }
 }
 
 /// What a model asks of the objective beside the loss.
@@ -183,8 +225,8 @@ pub const fn guide(objective: &Objective, guidance: Guidance) -> Guide<'_> {
 }
 
 /// Sets what guides a model to zero for every Gaussian of which a value is not finite, and counts them.
-pub fn silence_guide(objective: &mut Objective, guidance: Guidance) -> usize {
-    silence(match guidance {
+pub fn zero_non_finite_guide(objective: &mut Objective, guidance: Guidance) -> usize {
+    zero_non_finite(match guidance {
         Guidance::Gradient => &mut objective.gradient,
         Guidance::Residual => &mut objective.mean_residuals.gradient,
     })
@@ -198,7 +240,7 @@ fn step(
     branch: Branch,
     pyramid: &mut Pyramid,
 ) -> Result<usize> {
-    let seen: Vec<usize> = branch.range(set).filter(|&i| objective.seen[i]).collect();
+    let seen: Vec<usize> = set.rows(branch).filter(|&i| objective.seen[i]).collect();
     if seen.is_empty() {
         return Ok(0);
     }
@@ -244,7 +286,7 @@ impl StepInputs<'_> {
 }
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
-pub fn silence(gradient: &mut RawGradient) -> usize {
+pub fn zero_non_finite(gradient: &mut RawGradient) -> usize {
     let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
     let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
     spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()

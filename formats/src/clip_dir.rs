@@ -271,7 +271,7 @@ impl ClipDir {
     }
 }
 
-/// Nothing: writes the `clip.json` of `clip` into the directory `root`, which must exist.
+/// Writes the `clip.json` of `clip` into the directory `root`, which must exist.
 ///
 /// # Errors
 /// A clip that could not be read back, and a directory that cannot be written to.

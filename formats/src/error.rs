@@ -30,6 +30,18 @@ pub enum FormatError {
         /// What was there.
         found: String,
     },
+    /// What was asked of a file or a folder does not fit it.
+    #[error("{}: {setting}: expected {expected}, found {found}", file.display())]
+    Setting {
+        /// The file or folder.
+        file: PathBuf,
+        /// Name of the setting: a flag of that name, where a program has one.
+        setting: &'static str,
+        /// What would have been right.
+        expected: String,
+        /// What was asked for.
+        found: String,
+    },
     /// The text cannot be parsed, or holds keys or types that the format does not know.
     #[error("{}: {field}: {message}", file.display())]
     Syntax {
@@ -57,6 +69,20 @@ impl FormatError {
     ) -> Self {
         let [field, expected, found] = [field.into(), expected.into(), found.into()].map(one_line);
         Self::Invalid { file: file.to_owned(), field, expected, found }
+    }
+
+    /// An [`FormatError::Setting`].
+    pub fn unfit(file: &Path, setting: &'static str, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        let [expected, found] = [expected.into(), found.into()].map(one_line);
+        Self::Setting { file: file.to_owned(), setting, expected, found }
+    }
+
+    /// The setting that does not fit; `None` where something else is wrong.
+    pub const fn setting(&self) -> Option<&str> {
+        match self {
+            Self::Setting { setting, .. } => Some(setting),
+            _ => None,
+        }
     }
 
     /// An [`FormatError::Syntax`].

@@ -1,11 +1,10 @@
 //! Bytes to validated host structs and back: clips, sweeps, images, splat clouds, targets. No tensors, no threads.
 
+pub mod casts;
 pub mod digest;
 pub mod error;
 pub mod frame_list;
-pub mod interrupt;
 pub mod pose;
-pub mod program;
 
 pub mod camera;
 pub mod camera_motion;
@@ -17,6 +16,7 @@ pub mod cloud;
 pub mod exports;
 pub mod image;
 pub mod importers;
+pub mod jobs;
 pub mod lidar_motion;
 mod numpy;
 pub mod ply;
@@ -24,5 +24,6 @@ mod read;
 pub mod returns;
 pub mod sweep;
 pub mod targets;
+mod unfinished;
 pub mod viewer;
 pub mod write;

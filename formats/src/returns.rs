@@ -15,7 +15,7 @@ pub const MAX_SENSORS: usize = 256;
 /// Bytes of a time.
 pub(crate) const TIME_BYTES: usize = size_of::<f32>();
 
-/// Nothing, when a file has `bytes` bytes for each of the `count` returns of a sweep, by its size alone.
+/// Fails unless a file has `bytes` bytes for each of the `count` returns of a sweep, by its size alone.
 ///
 /// # Errors
 /// A file that is missing or of another size.
@@ -53,7 +53,7 @@ pub(crate) fn check_times(path: &Path, times: Vec<f32>) -> Result<Vec<f32>> {
     }
 }
 
-/// Nothing: writes the times that [`read_times`] gives back, bit for bit.
+/// Writes the times that [`read_times`] gives back, bit for bit.
 ///
 /// # Errors
 /// A path that cannot be written to.
@@ -77,7 +77,7 @@ pub fn read_sensors(path: &Path, count: usize, num_sensors: usize) -> Result<Vec
     }
 }
 
-/// Nothing: writes the indices that [`read_sensors`] gives back.
+/// Writes the indices that [`read_sensors`] gives back.
 ///
 /// # Errors
 /// A path that cannot be written to.

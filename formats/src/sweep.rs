@@ -123,7 +123,7 @@ impl Sweep {
     }
 }
 
-/// Nothing: writes the positions and intensities that [`read_sweep`] gives back, bit for bit.
+/// Writes the positions and intensities that [`read_sweep`] gives back, bit for bit.
 ///
 /// # Errors
 /// A sweep that could not be read back, and a path that cannot be written to.
@@ -143,7 +143,7 @@ pub fn write_sweep(path: &Path, sweep: &Sweep) -> Result<()> {
     write_atomic(path, &bytes)
 }
 
-/// Nothing, when a file of `size` bytes holds whole returns and at least one.
+/// Fails unless a file of `size` bytes holds whole returns and at least one.
 fn check_size(path: &Path, size: usize) -> Result<()> {
     if size == 0 {
         return Err(FormatError::invalid(path, "file size", "at least one return of 16 bytes", "no points (0 bytes)"));
@@ -166,12 +166,12 @@ fn is_missing(point: [f32; 3]) -> bool {
     point.iter().all(|v| v.is_nan())
 }
 
-/// Nothing, when the row is no return, or one that a sensor can have measured.
+/// Fails unless the row is no return, or one that a sensor can have measured.
 fn check_row(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
     if is_missing(point) { Ok(()) } else { check_return(path, index, point, intensity) }
 }
 
-/// Nothing, when the return is one that a sensor can have measured.
+/// Fails unless the return is one that a sensor can have measured.
 pub(crate) fn check_return(path: &Path, index: usize, point: [f32; 3], intensity: f32) -> Result<()> {
     let in_range = |v: f32| v.abs() <= MAX_COORDINATE; // false for NaN
     if in_range(point[0]) && in_range(point[1]) && in_range(point[2]) && intensity.is_finite() {

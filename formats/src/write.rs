@@ -4,10 +4,12 @@ use std::{io::Write, path::Path};
 
 use crate::{
     error::{FormatError, Result},
-    interrupt::Unfinished,
+    unfinished::Unfinished,
 };
 
-/// Nothing: afterwards `path` holds exactly `bytes`, or, on an error, what it held before.
+pub use crate::unfinished::observe_writing;
+
+/// Writes a file: afterwards `path` holds exactly `bytes`, or, on an error, what it held before.
 ///
 /// The directory of `path` must exist.
 ///
@@ -44,7 +46,7 @@ pub fn write_atomic_with<T>(path: &Path, fill: impl FnOnce(&mut std::fs::File) -
     Ok(value)
 }
 
-/// Nothing, when files can be made in `directory`; none is left there.
+/// Fails unless files can be made in `directory`; none is left there.
 ///
 /// # Errors
 /// [`FormatError::Io`] when not.

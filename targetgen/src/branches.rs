@@ -10,7 +10,7 @@ use lgs_engine::render::{Projection, backward_visible};
 use lgs_engine::views::View;
 use lgs_formats::targets::TargetsConfig;
 
-use crate::response::{Maxima, Row, silence};
+use crate::response::{Maxima, Row, zero_non_finite};
 use crate::sample::{displacement, sampled};
 
 /// Colour behind all Gaussians.
@@ -166,7 +166,7 @@ fn with_copies(set: &GaussianSet, rounds: &[Round]) -> (Vec<Splat>, Vec<usize>) 
 /// The chain rule to the raw attributes, and the largest gradients.
 fn raw(set: &GaussianSet, sums: &[SplatGradient]) -> BranchGradient {
     let (mut rows, _) = to_raw_gradient(set, sums);
-    let non_finite = silence(&mut rows);
+    let non_finite = zero_non_finite(&mut rows);
     let maxima = Maxima::of(&rows);
     rows.truncate(set.num_lidar);
     BranchGradient { rows, maxima, non_finite }

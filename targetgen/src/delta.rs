@@ -1,6 +1,6 @@
 //! From responses or footprints to one delta per sampled primitive and action.
 
-use lgs_engine::gaussians::{GaussianSet, MEAN};
+use lgs_engine::gaussians::{Branch, GaussianSet};
 use lgs_engine::ops::knn::{Neighbours, nearest_of, nearest_other_time_of};
 use lgs_formats::targets::{Normalise, TargetsConfig};
 
@@ -46,8 +46,7 @@ impl NeighbourSets {
     /// # Errors
     /// When a position is not finite.
     pub fn new(set: &GaussianSet, rounds: &[Round], k: usize) -> Result<Self> {
-        let points: Vec<[f32; 3]> =
-            set.attributes[..set.num_lidar].iter().map(|row| [0, 1, 2].map(|axis| row[MEAN.start + axis])).collect();
+        let points: Vec<[f32; 3]> = set.rows(Branch::Lidar).map(|i| set.mean(i)).collect();
         let mut row_of = vec![u32::MAX; points.len()];
         rounds.iter().flat_map(|round| &round.chosen).for_each(|&i| row_of[i as usize] = 0);
         let sampled: Vec<u32> = (0..).zip(&row_of).filter(|(_, row)| **row == 0).map(|(i, _)| i).collect();

@@ -15,7 +15,7 @@ pub enum TargetError {
     /// A setting does not fit.
     #[error("{setting}: expected {expected}, found {found}")]
     Setting {
-        /// Name of the setting, as the user knows it: a flag or a variable of the environment.
+        /// Name of the setting: a flag of that name, where a program has one, or a variable of the environment.
         setting: String,
         /// What would have been right.
         expected: String,
@@ -26,8 +26,17 @@ pub enum TargetError {
 
 impl TargetError {
     /// A [`TargetError::Setting`].
-    pub fn setting(setting: impl Into<String>, expected: impl Into<String>, found: impl Into<String>) -> Self {
+    pub fn unfit(setting: impl Into<String>, expected: impl Into<String>, found: impl Into<String>) -> Self {
         Self::Setting { setting: setting.into(), expected: expected.into(), found: found.into() }
+    }
+
+    /// The setting that does not fit; `None` where something else is wrong.
+    pub fn setting(&self) -> Option<&str> {
+        match self {
+            Self::Setting { setting, .. } => Some(setting),
+            Self::Engine(error) => error.setting(),
+            Self::Format(error) => error.setting(),
+        }
     }
 }
 

@@ -24,8 +24,6 @@ pub mod generate;
 
 pub mod job;
 
-pub mod picture;
-
 pub mod report;
 
 pub mod fidelity;

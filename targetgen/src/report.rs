@@ -1,15 +1,13 @@
 //! The page at the end of a job: what was done, what failed, how deltas and targets are spread.
 
-use std::fmt::Write;
 use std::path::Path;
 
-use lgs_engine::report::escape;
 use lgs_formats::error::Result;
-use lgs_formats::targets::{ActionTargets, Manifest, Shard};
+use lgs_formats::targets::{ActionTargets, FailedClip, Manifest, Shard};
+use lgs_pages::{Range, document, escape, histogram, number, section, table};
 use serde::Serialize;
 
 use crate::generate::Seconds;
-use crate::picture::{Axis, histogram, number};
 
 /// Bars of a histogram.
 const BARS: usize = 60;
@@ -109,63 +107,70 @@ fn each_clip(
     Ok(())
 }
 
+const STYLE: &str = "figure{display:inline-block;margin:.3rem}figure svg{max-width:100%;height:auto}\n\
+    pre{white-space:pre-wrap;overflow-wrap:anywhere}td{text-align:left}\n";
+
 /// The page.
 pub fn html(summary: &Summary, manifest: &Manifest, seconds: &Seconds, passes: usize) -> String {
-    let mut page = String::from(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>LGS targets</title>\n<style>\n\
-         body{font:15px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\n\
-         td,th{padding:.15rem .8rem;text-align:right;border-bottom:1px solid #ddd}th:first-child,td:first-child{text-align:left}\n\
-         figure{display:inline-block;margin:.3rem}pre{white-space:pre-wrap;background:#f5f5f5;padding:.6rem}\n\
-         </style>\n</head>\n<body>\n<h1>LGS targets</h1>\n",
-    );
-    let share = |count: u64, of: u64| {
-        if of == 0 { "–".to_owned() } else { format!("{:.2} %", 100.0 * count as f64 / of as f64) }
-    };
-    let mut put = |text: String| {
-        // writing to a String cannot fail
-        let _ = writeln!(page, "{text}");
-    };
     let part = manifest.part.map_or(String::new(), |part| format!(", part {} of {}", part.index, part.count));
-    put(format!(
-        "<p>{} clips with targets, {} failed{part}; {} primitives, {} of them sampled.</p>",
+    let mut body = format!(
+        "<header>\n<p class=\"brand\">LGS targets</p>\n<h1>Targets</h1>\n<p>{} clips with targets, {} failed{part}; {} primitives, {} \
+         of them sampled.</p>\n</header>\n",
         summary.clips,
         manifest.failed.len(),
         summary.primitives,
         share(summary.sampled, summary.primitives)
-    ));
-    put("<h2>Targets</h2>\n<table>\n<tr><th>action</th><th>valid</th>".to_owned());
-    put(THRESHOLDS.iter().map(|t| format!("<th>y &gt; {t}</th>")).collect::<String>() + "</tr>");
-    for (name, action) in [("prune", &summary.prune), ("add", &summary.add)] {
-        let above: String = action.above.iter().map(|&n| format!("<td>{}</td>", share(n, action.valid))).collect();
-        put(format!("<tr><td>{name}</td><td>{}</td>{above}</tr>", share(action.valid, summary.sampled)));
-    }
-    put("</table>".to_owned());
-    let (range, unit) = (summary.delta_range, Axis { name: "target y", low: 0.0, high: 1.0 });
-    let axis = Axis { name: "delta (negative: helps)", low: -range, high: range };
-    for (name, action) in [("prune", &summary.prune), ("add", &summary.add)] {
-        let pictures = [
-            histogram(&format!("{name}: deltas"), &axis, &action.delta_bars),
-            histogram(&format!("{name}: targets"), &unit, &action.target_bars),
-        ];
-        put(pictures.map(|svg| format!("<figure>{svg}</figure>")).concat());
-    }
+    );
+    body += &section("Targets", &(shares(summary) + &histograms(summary)));
     if passes > 0 {
-        put("<h2>Time of this run</h2>\n<table>\n<tr><th>stage</th><th>seconds</th><th>share</th></tr>".to_owned());
-        for (name, spent) in seconds.by_stage() {
-            let percent = 100.0 * spent / seconds.total().max(f64::MIN_POSITIVE);
-            put(format!("<tr><td>{name}</td><td>{spent:.2}</td><td>{percent:.1} %</td></tr>"));
-        }
-        let per_pass = number(seconds.render / passes as f64);
-        put(format!("</table>\n<p>{passes} rendering passes, {per_pass} s each.</p>"));
+        body += &section("Time of this run", &times(seconds, passes));
     }
     if !manifest.failed.is_empty() {
-        put("<h2>Failed</h2>\n<table>\n<tr><th>clip</th><th>reason</th></tr>".to_owned());
-        for failed in &manifest.failed {
-            put(format!("<tr><td>{}</td><td>{}</td></tr>", escape(&failed.clip), escape(&failed.reason)));
-        }
-        put("</table>".to_owned());
+        let row = |failed: &FailedClip| {
+            format!("<tr><th>{}</th><td>{}</td></tr>\n", escape(&failed.clip), escape(&failed.reason))
+        };
+        body += &section("Failed", &table(&["clip", "reason"], &manifest.failed.iter().map(row).collect::<String>()));
     }
     let settings = serde_json::to_string_pretty(&manifest.config).unwrap_or_default();
-    put(format!("<h2>Settings</h2>\n<pre>{}</pre>\n</body>\n</html>", escape(&settings)));
-    page
+    body += &section("Settings", &format!("<pre>{}</pre>\n", escape(&settings)));
+    document("LGS targets", STYLE, &body, "")
+}
+
+fn share(count: u64, of: u64) -> String {
+    if of == 0 { "–".to_owned() } else { format!("{:.2} %", 100.0 * count as f64 / of as f64) }
+}
+
+/// How many targets are valid, and above each threshold.
+fn shares(summary: &Summary) -> String {
+    let names = THRESHOLDS.map(|t| format!("y &gt; {t}"));
+    let head: Vec<&str> = ["action", "valid"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    let row = |(name, action): (&str, &ActionSummary)| {
+        let above: String = action.above.iter().map(|&n| format!("<td>{}</td>", share(n, action.valid))).collect();
+        format!("<tr><th>{name}</th><td>{}</td>{above}</tr>\n", share(action.valid, summary.sampled))
+    };
+    table(&head, &[("prune", &summary.prune), ("add", &summary.add)].map(row).concat())
+}
+
+/// How deltas and targets are spread.
+fn histograms(summary: &Summary) -> String {
+    let range = summary.delta_range;
+    let unit = Range { name: "target y", low: 0.0, high: 1.0 };
+    let axis = Range { name: "delta (negative: helps)", low: -range, high: range };
+    let pictures = [("prune", &summary.prune), ("add", &summary.add)].map(|(name, action)| {
+        [
+            histogram(&format!("{name}: deltas"), &axis, "primitives", &action.delta_bars),
+            histogram(&format!("{name}: targets"), &unit, "primitives", &action.target_bars),
+        ]
+    });
+    pictures.as_flattened().iter().map(|svg| format!("<figure>{svg}</figure>\n")).collect()
+}
+
+fn times(seconds: &Seconds, passes: usize) -> String {
+    let total = seconds.total().max(f64::MIN_POSITIVE);
+    let row = |(name, spent): (&str, f64)| {
+        format!("<tr><th>{name}</th><td>{spent:.2}</td><td>{:.1} %</td></tr>\n", 100.0 * spent / total)
+    };
+    let rows: String = seconds.by_stage().into_iter().map(row).collect();
+    let per_pass = number(seconds.render / passes as f64);
+    table(&["stage", "seconds", "share"], &rows) + &format!("<p>{passes} rendering passes, {per_pass} s each.</p>\n")
 }

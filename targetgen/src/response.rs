@@ -50,7 +50,7 @@ pub fn responses(gradients: &[Row], maxima: &Maxima) -> Vec<f64> {
 }
 
 /// Sets rows with a gradient that is not finite to zero; returns how many there were.
-pub fn silence(gradients: &mut [Row]) -> usize {
+pub fn zero_non_finite(gradients: &mut [Row]) -> usize {
     let spoiled = gradients.iter_mut().filter(|row| !row.iter().all(|g| g.is_finite()));
     spoiled.map(|row| row.fill(0.0)).count()
 }
@@ -77,9 +77,9 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_not_finite_are_silenced() {
+    fn rows_that_are_not_finite_become_zero() {
         let mut rows = [[1.0; NUM_ATTRIBUTES], [f32::NAN; NUM_ATTRIBUTES]];
-        assert_eq!(silence(&mut rows), 1);
+        assert_eq!(zero_non_finite(&mut rows), 1);
         assert_eq!(rows, [[1.0; NUM_ATTRIBUTES], [0.0; NUM_ATTRIBUTES]]);
     }
 }

@@ -8,9 +8,9 @@ use lgs_engine::error::EngineError;
 use lgs_engine::gaussians::{GaussianSet, background::Mode};
 use lgs_engine::network::model::Model;
 use lgs_engine::ops::tensors::with_values;
-use lgs_engine::pipeline::{Flags, Opening, Run, Session, Silent, Watch};
+use lgs_engine::pipeline::{MemorySettings, Opening, Run, Session, Silent, Watch};
 use lgs_engine::predict::{backbone, predict, query};
-use lgs_engine::render::{Pass, Probes};
+use lgs_engine::render::{MemoryEstimate, Pass};
 use lgs_engine::views::{Selection, View};
 use lgs_formats::clip_dir::{ClipDir, Needed};
 use lgs_formats::image::ImageSize;
@@ -38,19 +38,19 @@ pub fn load_scene(clip: &Path, config: &TargetsConfig, model: Option<&Model>) ->
     let dir = ClipDir::open_part(clip, &needed).map_err(TargetError::Format)?;
     let image_size = config.image_size.map(|[height, width]| ImageSize { height, width });
     let selection = Selection { cameras: config.cameras.clone(), image_size, ..Selection::default() };
-    let flags = Flags { images: "--image-size", returns: "CLIPS" };
+    let memory = MemorySettings { images: "image-size", returns: "CLIPS" };
     let mut watch = Watch::new(&Silent);
-    let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
+    let session = Session::open(Arc::new(dir), Opening { memory, ..Opening::of(selection) }, &mut watch)?;
     let mut set = session.run(&Run::initial(Mode::Auto.into()), &mut watch)?.scene;
     let features = match model {
         Some(model) => predict_in_place(&mut set, model, config.with_features)?,
         None if config.with_features => {
-            return Err(TargetError::setting("--with-features", "--weights of a network", "none"));
+            return Err(TargetError::unfit("with-features", "`weights` of a network", "none"));
         }
         None => None,
     };
     let views = session.into_views();
-    Probes::of_set(&set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+    MemoryEstimate::of_set(&set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
     Ok(PredictedScene { set, views, features })
 }
 

@@ -1,5 +1,6 @@
 //! From deltas to targets of the scores.
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::targets::{ActionTargets, TargetsConfig, ZScore};
 
 /// A deviation below this part of the largest value is rounding noise of single precision, not variance.
@@ -69,7 +70,7 @@ pub fn targets(deltas: [&[f32]; 2], masks: [&[bool]; 2], config: &TargetsConfig)
         y: transformed[a]
             .iter()
             .zip(masks[a])
-            .map(|(&t, &set)| if set { narrow(moments[a].target(t)) } else { 0.5 })
+            .map(|(&t, &set)| if set { to_f32(moments[a].target(t)) } else { 0.5 })
             .collect(),
         delta: deltas[a].to_vec(),
         mask: masks[a].to_vec(),
@@ -79,10 +80,5 @@ pub fn targets(deltas: [&[f32]; 2], masks: [&[bool]; 2], config: &TargetsConfig)
 
 /// Raw deltas as they are stored, and the mask; 0 where there is none.
 pub fn stored(deltas: &[Option<f64>]) -> (Vec<f32>, Vec<bool>) {
-    deltas.iter().map(|delta| (delta.map_or(0.0, narrow), delta.is_some())).unzip()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "targets and deltas are stored in f32")]
-fn narrow(value: f64) -> f32 {
-    value as f32
+    deltas.iter().map(|delta| (delta.map_or(0.0, to_f32), delta.is_some())).unzip()
 }

@@ -10,7 +10,7 @@ use lgs_engine::loss::{LossWeights, image_loss};
 use lgs_engine::render::{backward, render_for_gradient};
 use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
 use lgs_targetgen::generate::Seconds;
-use lgs_targetgen::job::{Job, find_clips, run};
+use lgs_targetgen::job::{TargetJob, find_clips, run};
 use lgs_targetgen::scene::{PredictedScene, load_scene};
 use lgs_tests::{clips, places};
 
@@ -125,7 +125,8 @@ impl Fastest {
         let clips = find_clips(&[clip.to_owned()])?;
         let out = place.path().join("out");
         let config = self.config.clone();
-        let job = Job { clips: &clips, part: None, out, config, model: None, shard_bytes: CAP_BYTES, resume: false };
+        let job =
+            TargetJob { clips: &clips, part: None, out, config, model: None, shard_bytes: CAP_BYTES, resume: false };
         let outcome = run(&job, &mut |_| ())?;
         if outcome.done_now != 1 {
             return Err(format!("{:?}", outcome.manifest.failed).into());

@@ -61,7 +61,7 @@ pub fn code_of(text: &str) -> String {
 /// A name that follows a path prefix such as `crate::`, and the line it stands on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Named {
-    /// The first segment after the prefix.
+    /// What follows the prefix: its first segment, or the whole path.
     pub name: String,
     /// Line, from 1.
     pub line: usize,
@@ -101,6 +101,63 @@ fn names_at(code: &str, start: usize, names: &mut Vec<Named>) {
             expects_name = false;
         }
         expects_name |= depth == 1 && (c == ',' || c == '{');
+    }
+}
+
+/// Every whole path that follows `prefix` in `code`, such as `a::b::C`; groups `prefix{a::{b, c}}` are taken apart.
+pub fn paths_after(code: &str, prefix: &str) -> Vec<Named> {
+    let mut paths = Vec::new();
+    for (at, _) in code.match_indices(prefix) {
+        let whole_word = !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+        if whole_word {
+            let line = 1 + code[..at].matches('\n').count();
+            let mut found = Vec::new();
+            flatten(&mut code[at + prefix.len()..].chars().peekable(), "", &mut found);
+            paths.extend(found.into_iter().map(|name| Named { name, line }));
+        }
+    }
+    paths
+}
+
+/// The paths of a use tree behind `base`, up to its end.
+fn flatten(text: &mut std::iter::Peekable<std::str::Chars<'_>>, base: &str, found: &mut Vec<String>) {
+    let mut path = base.to_owned();
+    while let Some(&c) = text.peek() {
+        match c {
+            '{' => {
+                text.next();
+                loop {
+                    while text.peek().is_some_and(|c| c.is_whitespace() || *c == ',') {
+                        text.next();
+                    }
+                    match text.peek() {
+                        None => return,
+                        Some('}') => {
+                            text.next();
+                            return;
+                        }
+                        Some(c) if !(c.is_alphanumeric() || "_{*".contains(*c)) => return,
+                        Some(_) => flatten(text, &path, found),
+                    }
+                }
+            }
+            c if c.is_alphanumeric() || c == '_' || c == ':' || c == '*' => {
+                path.push(c);
+                text.next();
+            }
+            _ => break,
+        }
+    }
+    // A name that is given another one: `a as b`.
+    let mut rest = text.clone();
+    if rest.by_ref().take(4).collect::<String>() == " as " {
+        *text = rest;
+        while text.peek().is_some_and(|c| c.is_alphanumeric() || *c == '_') {
+            text.next();
+        }
+    }
+    if path.len() > base.len() {
+        found.push(path);
     }
 }
 

@@ -30,9 +30,6 @@ pub enum TrainError {
         /// What was there.
         found: String,
     },
-    /// A picture of curves could not be drawn.
-    #[error("plot: {0}")]
-    Plot(String),
     /// A value of a configuration is out of its range.
     #[error("{field}: expected {expected}, found {found}")]
     Config {
@@ -73,6 +70,16 @@ impl TrainError {
     /// A [`TrainError::Config`].
     pub fn config(field: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Config { field: field.into(), expected: expected.into(), found: found.to_string() }
+    }
+
+    /// The setting that does not fit; `None` where something else is wrong.
+    pub fn setting(&self) -> Option<&str> {
+        match self {
+            Self::Config { field, .. } => Some(field),
+            Self::Engine(error) => error.setting(),
+            Self::Format(error) => error.setting(),
+            _ => None,
+        }
     }
 }
 

@@ -1,11 +1,9 @@
 //! Training: scenes that we can make and measure, and the stages that train the network on them.
 
-mod curves;
 pub mod error;
 pub mod scenes;
 pub mod velocity;
 
 pub mod stages;
 
-pub mod ablate;
 pub mod ship;

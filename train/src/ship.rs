@@ -41,7 +41,7 @@ pub struct CardSource<'a> {
 
 /// What is read of `ablation.json`.
 #[derive(Deserialize)]
-struct Measured {
+struct AblationPage {
     weights: String,
 }
 
@@ -77,7 +77,7 @@ pub fn card(source: CardSource<'_>, dir: &Path) -> Result<PathBuf> {
     let bytes = read(source.weights)?;
     let file = WeightFile::parse(&source.weights.display().to_string(), &bytes)?;
     let page = source.ablation.join("ablation.json");
-    let measured: Measured = serde_json::from_str(&text(&page)?)
+    let measured: AblationPage = serde_json::from_str(&text(&page)?)
         .map_err(|e| FormatError::invalid(&page, "content", "an ablation", e.to_string()))?;
     if measured.weights != file.sha256() {
         let expected = format!("an ablation of the weights {}", file.sha256());

@@ -1,17 +1,13 @@
 //! Errors of the velocities of primitives whose true motion is known from tracked boxes.
 
 use glam::DVec3;
-use lgs_engine::{
-    gaussians::{GaussianSet, MEAN},
-    views::ClipFrame,
-};
+use lgs_engine::{gaussians::GaussianSet, views::ClipFrame};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     clip::{Clip, TrackedBox},
     pose::Pose,
 };
 use serde::{Deserialize, Serialize};
-
-use crate::scenes::maths::narrow;
 
 /// A track moves when it is faster than this, metres a second.
 const MOVING_SPEED: f64 = 1.0;
@@ -86,7 +82,7 @@ impl TrueVelocities {
             let Some((_, time, boxes)) = known.iter().find(|(input, ..)| *input == start.frames[i] as usize) else {
                 return Truth::Unknown;
             };
-            let place = [0, 1, 2].map(|k| f64::from(start.attributes[i][MEAN.start + k]));
+            let place = start.mean(i).map(f64::from);
             let here = world_from_clip.transform_point(place.into());
             let later = f64::from(start.times[i] - time);
             match boxes.iter().map(|moving| moving.truth(here, later)).find(|truth| *truth != Truth::Resting) {
@@ -130,7 +126,7 @@ impl TrueVelocities {
                 Truth::Resting => (velocity, resting),
                 Truth::Unknown => return [0.0; 3],
             };
-            (error * (share / (error.length_squared() + ROUND * ROUND).sqrt())).to_array().map(narrow)
+            (error * (share / (error.length_squared() + ROUND * ROUND).sqrt())).to_array().map(to_f32)
         };
         self.truths.iter().zip(&scene.velocities).map(of).collect()
     }

@@ -11,6 +11,7 @@ use super::{cameras_of, correlation};
 use crate::{
     points::{self, DepthGrid, PointCloud},
     views::{Selection, View},
+    words::Words,
 };
 
 /// Returns that two images must share.
@@ -23,7 +24,7 @@ const MOST: f64 = 0.8;
 const DARKEST: f32 = 4.0 / 255.0;
 
 /// Which lens distortion images have.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lenses {
     /// What the clip states, unless the returns say that the images were rectified before.
@@ -31,6 +32,13 @@ pub enum Lenses {
     Auto,
     /// What the clip states.
     Stated,
+}
+
+impl Words for Lenses {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("auto", Self::Auto, "What the clip states, unless the returns say that the images were rectified before"),
+        ("stated", Self::Stated, "What the clip states"),
+    ];
 }
 
 /// What the returns say of the lenses of a clip.

@@ -23,6 +23,7 @@ use crate::{
     error::Result,
     points::{self, PointCloud},
     views::{ClipFrame, Role, Selection, View, load_views},
+    words::Words,
 };
 
 /// Frames that are looked at.
@@ -31,7 +32,7 @@ const FRAMES: usize = 5;
 const WIDTH: usize = 640;
 
 /// Where cameras are mounted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mounts {
     /// Where the clip states, unless what they show of the same returns says that they are turned or moved against each other.
@@ -39,6 +40,17 @@ pub enum Mounts {
     Auto,
     /// Where the clip states.
     Stated,
+}
+
+impl Words for Mounts {
+    const WORDS: &[(&str, Self, &str)] = &[
+        (
+            "auto",
+            Self::Auto,
+            "Where the clip states, unless what they show of the same returns says that they are turned or moved against each other",
+        ),
+        ("stated", Self::Stated, "Where the clip states"),
+    ];
 }
 
 /// Which statements of a clip are believed.

@@ -5,7 +5,7 @@ use rand_chacha::rand_core::Rng;
 use super::random::generator;
 use super::{Action, count};
 use crate::error::{EngineError, Result};
-use crate::gaussians::{GaussianSet, MEAN};
+use crate::gaussians::{Branch, GaussianSet, MEAN};
 
 /// Standard deviation of a copy's displacement per axis, metres.
 pub const COPY_NOISE: f64 = 0.01;
@@ -26,7 +26,7 @@ pub fn apply(set: &GaussianSet, actions: &[Action], seed: u64) -> Result<Gaussia
         });
     }
     let origins = origins(actions);
-    let rows: Vec<usize> = origins.iter().copied().chain(set.num_lidar..set.len()).collect();
+    let rows: Vec<usize> = origins.iter().copied().chain(set.rows(Branch::Background)).collect();
     let mut updated = set.select(&rows, origins.len());
     let copies = set.num_lidar - count(actions).pruned..origins.len();
     for (row, &i) in updated.attributes[copies.clone()].iter_mut().zip(&origins[copies]) {

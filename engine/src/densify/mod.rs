@@ -24,7 +24,7 @@ pub use random::at_random;
 pub use scores::{DensityMap, Scores, Thresholds, by_thresholds};
 
 /// Who decides what is pruned and added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Density {
     /// The learned policy.

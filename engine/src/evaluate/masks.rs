@@ -64,7 +64,7 @@ fn exposing(
     let until = |view: &PinholeView| frame.time_zero + f64::from(view.time) - given;
     let Some(shutter) = &pinhole.shutter else { return (*pinhole, until(pinhole)) };
     let middle = tracked.world_from_box.translation() + velocity * until(pinhole);
-    let single = |v: DVec3| v.to_array().map(views::to_f32);
+    let single = |v: DVec3| v.to_array().map(lgs_formats::casts::to_f32);
     let place = single(frame.clip_from_world.transform_point(middle));
     let taking = pinhole.taking(shutter, place, single(frame.clip_from_world.rotation() * velocity));
     (taking, until(&taking))

@@ -20,7 +20,7 @@ impl Coarseness {
 
     /// Factor by which tolerances and sizes are multiplied.
     pub fn factor(self) -> f32 {
-        crate::views::to_f32(f64::from(self.0) / STEPS)
+        lgs_formats::casts::to_f32(f64::from(self.0) / STEPS)
     }
 
     /// Largest number of pixels, of `usual` ones, beside each other that one Gaussian stands for: one where there is no tolerance, more than

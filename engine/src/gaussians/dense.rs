@@ -37,7 +37,7 @@ struct Seen {
 /// A rectangle of pixels: its first column and row, and its sides.
 type Rectangle = ([usize; 2], [usize; 2]);
 
-/// Nothing: makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
+/// Makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
 /// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set, at the mean of their times.
 /// All of `set` is the `LiDAR` branch.
 pub fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
@@ -249,7 +249,7 @@ mod tests {
         let (set, view) = scene(&TWO);
         let found = merged(&set, &view, 1.0);
         assert_eq!((found.len(), found.num_lidar, found.attributes[1]), (2, 2, set.attributes[1]));
-        let at = view.pinhole.project([0, 1, 2].map(|k| found.attributes[0][MEAN.start + k])).unwrap();
+        let at = view.pinhole.project(found.mean(0)).unwrap();
         assert!((at.u - 10.5).abs() < 1.1 && (at.v - 11.0).abs() < 1.1 && (at.depth - 8.05).abs() < 0.1, "{at:?}");
         assert!(sigmoid(found.attributes[0][LOGIT_OPACITY]) > 0.55);
         assert!(found.attributes[0][LOG_SCALE.start] > set.attributes[0][LOG_SCALE.start]);

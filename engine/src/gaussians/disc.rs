@@ -42,7 +42,7 @@ pub(super) fn sigmas(size: [usize; 2], share: f32) -> [f32; 2] {
     })
 }
 
-/// Nothing: puts a Gaussian on a plane around an image position, as a disc whose projection has standard deviations `sigmas` along columns
+/// Puts a Gaussian on a plane around an image position, as a disc whose projection has standard deviations `sigmas` along columns
 /// and rows, pixels; mean, scales and rotation are set. One that is narrower than a pixel both ways is round.
 ///
 /// # Formula

@@ -1,7 +1,7 @@
 //! The scene that the sweeps start it with: one Gaussian per coloured return.
 
 use super::{
-    GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT,
+    Gaussian, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT,
     physical::{MAX_SCALE, MIN_SCALE, logit},
 };
 use crate::points::PointCloud;
@@ -31,12 +31,10 @@ pub fn initial(cloud: &PointCloud, colours: &[Option<[f32; 3]>], spacing: &[f32]
     let painted = colours.iter().enumerate().filter_map(|(i, colour)| Some((i, (*colour)?)));
     for ((i, colour), spacing) in painted.zip(spacing) {
         let scale = (SPACING_SHARE * spacing).clamp(MIN_SCALE, MAX_SCALE);
-        set.attributes.push(row(cloud.positions[i], scale, OPACITY, colour));
-        set.times.push(cloud.times[i]);
-        set.frames.push(cloud.frames[i]);
+        let attributes = row(cloud.positions[i], scale, OPACITY, colour);
+        set.push(Gaussian { attributes, time: cloud.times[i], frame: cloud.frames[i], velocity: [0.0; 3] });
     }
     set.num_lidar = set.len();
-    set.velocities = vec![[0.0; 3]; set.len()];
     set
 }
 

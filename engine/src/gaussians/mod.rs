@@ -63,6 +63,43 @@ pub struct GaussianSet {
     pub num_lidar: usize,
 }
 
+/// Which of its two parts a Gaussian of a scene belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branch {
+    /// Those of the returns.
+    Lidar,
+    /// What stands behind them, static.
+    Background,
+}
+
+impl Branch {
+    /// Both, in the order of a set.
+    pub const ALL: [Self; 2] = [Self::Lidar, Self::Background];
+
+    /// Whether a network gives its Gaussians velocities.
+    pub const fn moves(self) -> bool {
+        matches!(self, Self::Lidar)
+    }
+}
+
+/// One Gaussian of a set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    /// Raw parameters.
+    pub attributes: [f32; NUM_ATTRIBUTES],
+    /// Moment at which it stands at its mean, seconds.
+    pub time: f32,
+    /// Index in the clip of the frame that it comes from.
+    pub frame: u32,
+    /// Velocity, metres a second.
+    pub velocity: [f32; 3],
+}
+
+/// The mean of raw parameters, metres.
+pub fn mean_of(attributes: &[f32; NUM_ATTRIBUTES]) -> [f32; 3] {
+    std::array::from_fn(|k| attributes[MEAN.start + k])
+}
+
 /// Gradients by raw attributes and velocities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawGradient {
@@ -94,6 +131,40 @@ impl GaussianSet {
         self.attributes.is_empty()
     }
 
+    /// The rows of a branch.
+    pub fn rows(&self, branch: Branch) -> std::ops::Range<usize> {
+        match branch {
+            Branch::Lidar => 0..self.num_lidar,
+            Branch::Background => self.num_lidar..self.len(),
+        }
+    }
+
+    /// The branch that Gaussian `i` belongs to.
+    pub fn branch_of(&self, i: usize) -> Branch {
+        if i < self.num_lidar { Branch::Lidar } else { Branch::Background }
+    }
+
+    /// Number of Gaussians of the background.
+    pub fn num_background(&self) -> usize {
+        self.len() - self.num_lidar
+    }
+
+    /// The mean of Gaussian `i`, metres, at its own moment.
+    ///
+    /// # Panics
+    /// When there is no such Gaussian.
+    pub fn mean(&self, i: usize) -> [f32; 3] {
+        mean_of(&self.attributes[i])
+    }
+
+    /// Adds a Gaussian at the end; which branch it belongs to is the caller's to say.
+    pub fn push(&mut self, gaussian: Gaussian) {
+        self.attributes.push(gaussian.attributes);
+        self.times.push(gaussian.time);
+        self.frames.push(gaussian.frame);
+        self.velocities.push(gaussian.velocity);
+    }
+
     /// The Gaussians at `rows`, in their order; the first `num_lidar` of them are the `LiDAR` branch.
     ///
     /// # Panics
@@ -109,7 +180,7 @@ impl GaussianSet {
         }
     }
 
-    /// Nothing: appends all Gaussians of another set; which branch they belong to is the caller's to say.
+    /// Adds all Gaussians of another set at the end; which branch they belong to is the caller's to say.
     pub fn append(&mut self, other: &Self) {
         self.attributes.extend(&other.attributes);
         self.times.extend(&other.times);
@@ -117,7 +188,7 @@ impl GaussianSet {
         self.velocities.extend(&other.velocities);
     }
 
-    /// Nothing: leaves the `LiDAR` branch alone.
+    /// Removes the background.
     pub fn drop_background(&mut self) {
         self.attributes.truncate(self.num_lidar);
         self.times.truncate(self.num_lidar);
@@ -125,7 +196,7 @@ impl GaussianSet {
         self.velocities.truncate(self.num_lidar);
     }
 
-    /// Nothing, when every value is finite.
+    /// Fails where a value is not finite.
     ///
     /// # Errors
     /// [`EngineError::NonFinite`] for the first Gaussian with a value that is not, by its attribute.

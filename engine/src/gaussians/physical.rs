@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
+use super::{Branch, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
 pub const MIN_SCALE: f32 = 1e-4;
@@ -75,9 +75,9 @@ pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
 pub(crate) fn splat_of(set: &GaussianSet, i: usize) -> Splat {
     let row = &set.attributes[i];
     Splat {
-        mean: std::array::from_fn(|k| row[MEAN.start + k]),
+        mean: set.mean(i),
         quat: std::array::from_fn(|k| row[QUAT.start + k]),
-        scale: std::array::from_fn(|k| scale_of(row[LOG_SCALE.start + k], i < set.num_lidar)),
+        scale: std::array::from_fn(|k| scale_of(row[LOG_SCALE.start + k], set.branch_of(i))),
         opacity: sigmoid(row[LOGIT_OPACITY]),
         colour: std::array::from_fn(|k| sigmoid(row[LOGIT_COLOUR.start + k])),
         velocity: set.velocities[i],
@@ -105,7 +105,7 @@ fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_
     out[QUAT].copy_from_slice(&g.quat);
     for k in 0..3 {
         let s = row[LOG_SCALE.start + k];
-        let scale = scale_of(s, i < set.num_lidar);
+        let scale = scale_of(s, set.branch_of(i));
         out[LOG_SCALE.start + k] = if s.exp() == scale { g.scale[k] * scale } else { 0.0 };
         let colour = row[LOGIT_COLOUR.start + k];
         out[LOGIT_COLOUR.start + k] = g.colour[k] * sigmoid_slope(colour);
@@ -114,8 +114,11 @@ fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_
     out
 }
 
-fn scale_of(log_scale: f32, lidar: bool) -> f32 {
-    let upper = if lidar { MAX_SCALE } else { MAX_LOG_SCALE.exp() };
+fn scale_of(log_scale: f32, branch: Branch) -> f32 {
+    let upper = match branch {
+        Branch::Lidar => MAX_SCALE,
+        Branch::Background => MAX_LOG_SCALE.exp(),
+    };
     log_scale.exp().clamp(MIN_SCALE, upper)
 }
 

@@ -6,10 +6,10 @@
 //! [`FITS`], linear between its rows. Left over are 37 dB for an opaque Gaussian and more for others.
 
 use glam::{DQuat, DVec3};
+use lgs_formats::casts::to_f32;
 
 use super::physical::{Splat, splat_of};
 use super::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES};
-use crate::views::to_f32;
 
 /// Distance of a half from the whole's centre, standard deviations.
 const OFFSET: f64 = 0.4;

@@ -1,11 +1,12 @@
 //! The loss of a view as exact effects need it.
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
 
 use super::ssim::{ImagePair, add_ssim_gradient};
 use super::{LossCounts, LossWeights, fill_ignored};
 use crate::render::{PixelCosts, Rendered};
-use crate::views::{View, to_f32};
+use crate::views::View;
 
 /// What the pixels of a rendered view cost: absolute errors of colour and depth as they are, the similarity by its gradient.
 ///

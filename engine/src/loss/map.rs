@@ -2,12 +2,13 @@
 
 use std::borrow::Cow;
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
 
 use super::ssim::{ImagePair, SimilarityMap, similarity_map};
 use super::{LossWeights, depth_errors, fill_ignored};
 use crate::render::{Patch, Rendered, crop};
-use crate::views::{View, to_f32};
+use crate::views::View;
 
 /// Half a similarity window: a centre sees so many pixels to each side.
 const REACH: usize = 5;

@@ -27,7 +27,7 @@ pub(super) fn add_psnr_gradient(
     let mse = squares.sum::<f64>() / num_values as f64 + FLOOR;
     if mse.is_finite() {
         let slope = f64::from(weight) * 20.0 / std::f64::consts::LN_10 / (mse * num_values as f64);
-        let slope = crate::views::to_f32(slope);
+        let slope = lgs_formats::casts::to_f32(slope);
         let values = gradient.iter_mut().zip(rendered.iter().zip(truth));
         values.for_each(|(g, (r, t))| *g += slope * (r - t));
     }

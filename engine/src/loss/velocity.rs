@@ -1,6 +1,6 @@
 //! Mean speed of the Gaussians: nothing moves unless the images ask for it.
 
-use crate::views::to_f32;
+use lgs_formats::casts::to_f32;
 
 /// `weight` times the mean speed (metres a second), and its gradient by the velocities; no Gaussian gives 0.
 ///

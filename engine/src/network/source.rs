@@ -78,7 +78,7 @@ impl FromStr for ModelSource {
 pub fn shipped_model() -> Result<LoadedModel> {
     let Some(bytes) = shipped::BYTES else {
         let expected = format!("a file, or none: this program was built without {}", shipped::FILE);
-        return Err(EngineError::Setting { setting: "--weights", expected, found: shipped::NAME.to_owned() });
+        return Err(EngineError::Setting { setting: "weights", expected, found: shipped::NAME.to_owned() });
     };
     model_of(&WeightFile::parse(shipped::FILE, bytes)?, Path::new(shipped::FILE))
 }

@@ -10,11 +10,15 @@ mod observations;
 #[cfg(test)]
 mod tests;
 
+use lgs_formats::casts::to_f32;
 use serde::{Deserialize, Serialize};
 
 pub use grey::put_aside;
 
-use crate::views::{Response, View, to_f32};
+use crate::{
+    views::{Response, View},
+    words::Words,
+};
 use fit::{Fit, Shown, fit};
 use observations::observe;
 
@@ -30,7 +34,7 @@ const CLIPPED: f64 = 1e-3;
 const STRIDE: usize = 13;
 
 /// Whether cameras are brought to common colours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Colours {
     /// Where cameras of a rig show the same places in other colours.
@@ -38,6 +42,13 @@ pub enum Colours {
     Auto,
     /// Never: every image as its camera took it.
     AsTaken,
+}
+
+impl Words for Colours {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("auto", Self::Auto, "Where cameras of a rig show the same places in other colours"),
+        ("as-taken", Self::AsTaken, "Never: every image as its camera took it"),
+    ];
 }
 
 /// How images are compared with a scene: what an input image's camera made of light holds for every other image that it takes.
@@ -50,7 +61,7 @@ pub struct CommonColours {
 }
 
 impl CommonColours {
-    /// Nothing: the images of these views, as the cameras took them, become such of common colours.
+    /// Makes the images of these views, as the cameras took them, such of common colours.
     pub fn apply(&self, views: &mut [View]) {
         for view in views {
             if self.grey.contains(&view.camera) {

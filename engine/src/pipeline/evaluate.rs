@@ -10,7 +10,7 @@ use crate::{
     error::{EngineError, Result},
     evaluate::{ViewFigures, evaluate_view, lpips::Lpips, masks::dynamic_pixels},
     gaussians::physical::Splat,
-    render::{Pass, Probes, Rendered, render},
+    render::{MemoryEstimate, Pass, Rendered, render},
     views::{ClipFrame, PinholeView, Role, View},
 };
 
@@ -31,7 +31,7 @@ pub enum Figures<'a> {
         /// The perceptual distance, when there is one.
         lpips: Option<&'a Lpips>,
     },
-    /// Nothing: the cameras are drawn at this moment (seconds since time zero), of which there is no image.
+    /// No truth: the cameras are drawn at this moment (seconds since time zero), of which there is no image.
     AtTime(f32),
 }
 
@@ -69,7 +69,7 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
     keep: &(dyn Fn(RenderedView<'_>) -> std::result::Result<T, E> + Sync),
 ) -> std::result::Result<Vec<T>, E> {
     let pinholes: Vec<PinholeView> = views.iter().map(|view| pinhole(view, figures)).collect();
-    Probes::of_splats(drawing.scene).check(&pinholes, Pass::Images)?;
+    MemoryEstimate::of_splats(drawing.scene).check(&pinholes, Pass::Images)?;
     let stages = [Stage::Render, Stage::Evaluate];
     stages.iter().for_each(|&stage| watch.progress.begin(stage, views.len()));
     let mut kept = Vec::with_capacity(views.len());

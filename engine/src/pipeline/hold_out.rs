@@ -40,7 +40,7 @@ impl HoldOut {
         };
         if found.is_empty() {
             let expected = "a rule that some selected frame meets".to_owned();
-            return Err(EngineError::Setting { setting: "--hold-out", expected, found: self.to_string() });
+            return Err(EngineError::Setting { setting: "hold-out", expected, found: self.to_string() });
         }
         Ok(found)
     }
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn a_rule_that_no_frame_meets_is_an_error() {
         let error = every(10).indices(9, None).unwrap_err().to_string();
-        assert_eq!(error, "--hold-out: expected a rule that some selected frame meets, found every:10");
+        assert_eq!(error, "hold-out: expected a rule that some selected frame meets, found every:10");
         assert!(HoldOut::Odd.indices(6, Some(&[0, 2])).is_err());
     }
 }

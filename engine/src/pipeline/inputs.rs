@@ -86,7 +86,7 @@ impl Inputs {
                 let boxes = self.boxes();
                 if boxes.is_empty() {
                     let expected = "`boxes` of an input frame in clip.json for boxes".to_owned();
-                    return Err(EngineError::Setting { setting: "--motion", expected, found: "none".to_owned() });
+                    return Err(EngineError::Setting { setting: "motion", expected, found: "none".to_owned() });
                 }
                 Ok(motion::boxed(cloud, &boxes))
             }

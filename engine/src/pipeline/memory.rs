@@ -22,19 +22,19 @@ const REFINED: u64 = 800;
 /// Bytes of a Gaussian beside them while per-scene optimisation runs: two moments of 17 values.
 const MOMENTS: u64 = 2 * 17 * 4;
 
-/// The flags of a program that lower what it needs.
+/// Names of the settings that lower what a run needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Flags {
+pub struct MemorySettings {
     /// Of the images, and of the background that is made of them.
     pub images: &'static str,
     /// Of the returns.
     pub returns: &'static str,
 }
 
-impl Default for Flags {
-    /// Those of `lgs-infer`.
+impl Default for MemorySettings {
+    /// Those of a run of a whole clip.
     fn default() -> Self {
-        Self { images: "--image-size", returns: "--frames" }
+        Self { images: "image-size", returns: "frames" }
     }
 }
 
@@ -70,41 +70,36 @@ impl Need {
         self.image_bytes.saturating_add(self.return_bytes)
     }
 
-    /// Nothing, when `available` bytes are enough.
+    /// Fails when `available` bytes are not enough.
     ///
     /// # Errors
-    /// [`EngineError::Setting`] with the flag that lowers the larger part.
-    pub fn check(&self, available: u64, flags: Flags) -> Result<()> {
+    /// [`EngineError::TooLarge`] with the setting that lowers the larger part.
+    pub fn check(&self, available: u64, settings: MemorySettings) -> Result<()> {
         let total = self.total();
         if total <= available {
             return Ok(());
         }
-        let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
-        let (setting, what) = if self.image_bytes >= self.return_bytes {
-            (flags.images, format!("{} images", self.images))
+        let (setting, found) = if self.image_bytes >= self.return_bytes {
+            (settings.images, format!("{} images", self.images))
         } else {
-            (flags.returns, format!("{} returns", self.returns))
+            (settings.returns, format!("{} returns", self.returns))
         };
-        Err(EngineError::Setting {
-            setting,
-            expected: format!("work that fits into the {} MB of memory that are free", available / 1_000_000),
-            found: format!("{what}, and at least {} MB in all", megabytes(total)),
-        })
+        Err(EngineError::TooLarge { setting, what: "work that fits", found, need: total, free: available })
     }
 }
 
-/// Nothing, when the images and sweeps of a selection can fit into the memory that is free; what is not known counts as enough.
+/// Fails when the images and sweeps of a selection cannot fit into the memory that is free; what is not known counts as enough.
 ///
 /// # Errors
 /// Those of the selection and of [`Need::check`].
-pub fn check_memory(dir: &ClipDir, selection: &Selection, flags: Flags) -> Result<()> {
+pub fn check_memory(dir: &ClipDir, selection: &Selection, settings: MemorySettings) -> Result<()> {
     let sizes = selection.sizes(dir.clip())?;
     let sweeps = selection.frames(dir.clip())?.input.into_iter();
     let files = sweeps.filter_map(|frame| dir.clip().frames.get(frame)).map(|f| dir.root().join(&f.lidar.file));
     // Foreign sweeps say how many returns they hold when they are read, and count as none.
     let returns = files.filter_map(|file| count_returns(&file).ok()).map(|count| count as u64).sum();
     let need = Need::of(&sizes, returns);
-    available_for(need.total()).map_or(Ok(()), |available| need.check(available, flags))
+    available_for(need.total()).map_or(Ok(()), |available| need.check(available, settings))
 }
 
 /// Bytes of a Gaussian while a network of this config refines it: rows of inputs and features, twice while they are gathered, and of a
@@ -115,14 +110,14 @@ fn refined_by(config: &ModelConfig) -> u64 {
     REFINED + 4 * values as u64
 }
 
-/// Nothing, when so many Gaussians of the `LiDAR` branch and of the background can be refined in the memory that is free, by a network or
+/// Fails when so many Gaussians of the `LiDAR` branch and of the background cannot be refined in the memory that is free, by a network or
 /// (`None`) by per-scene optimisation; what is not known counts as enough.
 ///
 /// # Errors
-/// [`EngineError::Setting`] with the flag that lowers the larger branch.
-pub fn check_refinement(gaussians: [usize; 2], config: Option<&ModelConfig>, flags: Flags) -> Result<()> {
+/// [`EngineError::TooLarge`] with the setting that lowers the larger branch.
+pub fn check_refinement(gaussians: [usize; 2], config: Option<&ModelConfig>, settings: MemorySettings) -> Result<()> {
     let need = refinement_bytes(gaussians, config);
-    available_for(need).map_or(Ok(()), |available| check_gaussians(gaussians, need, available, flags))
+    available_for(need).map_or(Ok(()), |available| check_gaussians(gaussians, need, available, settings))
 }
 
 fn refinement_bytes([lidar, background]: [usize; 2], config: Option<&ModelConfig>) -> u64 {
@@ -130,55 +125,52 @@ fn refinement_bytes([lidar, background]: [usize; 2], config: Option<&ModelConfig
     (lidar as u64).saturating_add(background as u64).saturating_mul(each)
 }
 
-fn check_gaussians([lidar, background]: [usize; 2], need: u64, available: u64, flags: Flags) -> Result<()> {
+fn check_gaussians([lidar, background]: [usize; 2], need: u64, available: u64, settings: MemorySettings) -> Result<()> {
     if need <= available {
         return Ok(());
     }
-    let setting = if lidar >= background { flags.returns } else { flags.images };
-    Err(EngineError::Setting {
-        setting,
-        expected: format!("a scene that can be refined in the {} MB of memory that are free", available / 1_000_000),
-        found: format!("{lidar} LiDAR and {background} background Gaussians, at least {} MB", need.div_ceil(1_000_000)),
-    })
+    let setting = if lidar >= background { settings.returns } else { settings.images };
+    let found = format!("{lidar} LiDAR and {background} background Gaussians");
+    Err(EngineError::TooLarge { setting, what: "a scene that can be refined", found, need, free: available })
 }
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
-    use super::{Flags, Need, check_gaussians, refinement_bytes};
+    use super::{MemorySettings, Need, check_gaussians, refinement_bytes};
     use crate::error::Result;
     use crate::network::config::ModelConfig;
 
     fn check(gaussians: [usize; 2], config: Option<&ModelConfig>, available: u64) -> Result<()> {
-        check_gaussians(gaussians, refinement_bytes(gaussians, config), available, Flags::default())
+        check_gaussians(gaussians, refinement_bytes(gaussians, config), available, MemorySettings::default())
     }
 
     #[test]
-    fn the_larger_branch_names_its_flag() {
+    fn the_larger_branch_names_its_setting() {
         let config = ModelConfig::parse(include_str!("../../../models/tiny.json"), Path::new("tiny.json")).unwrap();
         // What the refinement of 10^6 Gaussians was seen to take beside images and sites: 1.6 GB.
         assert!(check([600_000, 400_000], Some(&config), 1_700_000_000).is_ok());
         let message = check([600_000, 400_000], Some(&config), 1_000_000_000).unwrap_err().to_string();
-        assert!(message.starts_with("--frames: expected a scene") && message.contains("600000 LiDAR"), "{message}");
+        assert!(message.starts_with("frames: expected a scene") && message.contains("600000 LiDAR"), "{message}");
         let message = check([4, 1_000_000], None, 900_000_000).unwrap_err().to_string();
-        assert!(message.starts_with("--image-size: expected") && message.contains("at least 937 MB"), "{message}");
+        assert!(message.starts_with("image-size: expected") && message.contains("at least 937 MB"), "{message}");
         assert!(check([usize::MAX; 2], None, u64::MAX - 1).is_err(), "sums do not wrap");
     }
 
     #[test]
-    fn the_larger_part_names_its_flag() {
+    fn the_larger_part_names_its_setting() {
         let images = Need::of(&[[1000, 1000], [500, 1000]], 10);
         assert_eq!(images.image_bytes, 12 * 1_500_000 + 56 * 1_000_000);
-        assert!(images.check(images.image_bytes + images.return_bytes, Flags::default()).is_ok());
-        let message = images.check(1_000_000, Flags::default()).unwrap_err().to_string();
+        assert!(images.check(images.image_bytes + images.return_bytes, MemorySettings::default()).is_ok());
+        let message = images.check(1_000_000, MemorySettings::default()).unwrap_err().to_string();
         assert!(
-            message.starts_with("--image-size: expected") && message.contains("2 images, and at least 75 MB"),
+            message.starts_with("image-size: expected") && message.contains("2 images, at least 75 MB"),
             "{message}"
         );
         let returns = Need::of(&[[1, 1]], 1 << 40);
-        let flags = Flags { returns: "--cameras", ..Flags::default() };
-        assert!(returns.check(1 << 30, flags).unwrap_err().to_string().starts_with("--cameras: expected"));
-        assert!(Need::of(&[[usize::MAX; 2]; 3], u64::MAX).check(u64::MAX - 1, flags).is_err(), "sums do not wrap");
+        let settings = MemorySettings { returns: "cameras", ..MemorySettings::default() };
+        assert!(returns.check(1 << 30, settings).unwrap_err().to_string().starts_with("cameras: expected"));
+        assert!(Need::of(&[[usize::MAX; 2]; 3], u64::MAX).check(u64::MAX - 1, settings).is_err(), "sums do not wrap");
     }
 }

@@ -18,7 +18,7 @@ mod tests;
 pub use evaluate::{Drawing, Figures, RenderedView, evaluate_views};
 pub use hold_out::HoldOut;
 pub use inputs::Inputs;
-pub use memory::{Flags, Need, check_memory, check_refinement};
+pub use memory::{MemorySettings, Need, check_memory, check_refinement};
 pub use network::{NetworkRun, NetworkSettings, NetworkSummary, UpdateSkipped, run_network};
 pub use reconstruct::{Begun, GaussianCounts, Reconstruction, begin};
 pub use run::{Deadline, Run};

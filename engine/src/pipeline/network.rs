@@ -12,8 +12,8 @@ use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
-use crate::refine::{Measured, RefineSettings, RefineSummary, Refined, refine_and_measure};
-use crate::render::{Pass, Probes};
+use crate::refine::{KnownObjective, RefineSettings, RefineSummary, Refined, refine_and_measure};
+use crate::render::{MemoryEstimate, Pass};
 use crate::views::View;
 
 /// How the network is used.
@@ -58,7 +58,7 @@ pub struct NetworkRun {
     /// The policy's scores; `None` where there was no set update.
     pub density: Option<DensityMap>,
     /// Loss and gradient of the refined scene, where they were asked for and are known.
-    pub measured: Option<Measured>,
+    pub measured: Option<KnownObjective>,
 }
 
 /// Why there was no set update.
@@ -97,7 +97,7 @@ pub fn run_network(
     watch.time(Stage::Backbone, |_| predict(scene, &features, model))?;
     let (mut update, mut density) = (UpdateCounts::default(), None);
     if settings.density == Density::Exact {
-        Probes::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
+        MemoryEstimate::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
         update = watch.stage(Stage::SetUpdate, ROUNDS, |progress| {
             let of = (settings.density_scope, settings.max_gaussians);
             prune(scene, views, of, &mut || progress.step(Stage::SetUpdate))
@@ -123,7 +123,7 @@ impl<'a> NetworkSettings<'a> {
             model,
             refine: RefineSettings {
                 steps: recipe.refine_steps,
-                turns: recipe.turns(seed),
+                schedule: recipe.view_schedule(seed),
                 reduce: recipe.refine_reduce,
                 until,
                 line_search: recipe.line_search,
@@ -142,7 +142,7 @@ impl<'a> NetworkSettings<'a> {
     /// When there is a budget and no set update that could meet it.
     fn check_budget(&self, skipped: Option<UpdateSkipped>) -> Result<()> {
         let found = match skipped {
-            Some(UpdateSkipped::Off) => "--density off",
+            Some(UpdateSkipped::Off) => "`density off`",
             Some(UpdateSkipped::NotInModel) => "weights of a model without one",
             None => return Ok(()),
         };
@@ -150,7 +150,7 @@ impl<'a> NetworkSettings<'a> {
             return Ok(());
         }
         let (expected, found) = ("a policy that scores the primitives".to_owned(), found.to_owned());
-        Err(EngineError::Setting { setting: "--max-gaussians", expected, found })
+        Err(EngineError::Setting { setting: "max-gaussians", expected, found })
     }
 }
 

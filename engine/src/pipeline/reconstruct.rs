@@ -4,7 +4,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Flags, Inputs, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network};
+use super::{
+    Inputs, MemorySettings, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network,
+};
 use crate::{
     densify::DensityMap,
     error::{EngineError, Result},
@@ -15,7 +17,7 @@ use crate::{
     },
     points::{self, Dropped, PointCloud, Turn},
     refine::{
-        Measured, Turns,
+        KnownObjective, ViewSchedule,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
     views::View,
@@ -55,7 +57,7 @@ pub struct Reconstruction {
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
     /// Loss and gradient of the scene, where a refinement took them; what changes the scene takes them away.
-    pub measured: Option<Measured>,
+    pub measured: Option<KnownObjective>,
     /// How the clip's depth maps were brought to metres; empty where none was used for the background.
     pub depth_maps: Vec<MapFit>,
     /// How the `LiDAR` turned while it measured, where the sweeps told and not the clip.
@@ -136,7 +138,7 @@ impl<'a> Begun<'a> {
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
-                setting: "--background",
+                setting: "background",
                 expected: "`depth` of an input image in clip.json for maps".to_owned(),
                 found: "none".to_owned(),
             });
@@ -150,7 +152,11 @@ impl<'a> Begun<'a> {
         drop((cloud, movement));
         let initial = scene.num_lidar;
         if let Some(settings) = network.filter(|settings| settings.refine.steps > 0) {
-            check_refinement([initial, scene.len() - initial], Some(&settings.model.config), Flags::default())?;
+            check_refinement(
+                [initial, scene.len() - initial],
+                Some(&settings.model.config),
+                MemorySettings::default(),
+            )?;
         }
         let views: Vec<&View> = inputs.views().iter().collect();
         let network = network.map(|settings| run_network(&mut scene, &views, settings, watch)).transpose()?;
@@ -162,7 +168,7 @@ impl<'a> Begun<'a> {
             added: update.added,
             last: scene.num_lidar,
             background_pruned: update.background_pruned,
-            background: scene.len() - scene.num_lidar,
+            background: scene.num_background(),
         };
         let seconds = start.elapsed().as_secs_f64();
         let (network, density, measured) = match network {
@@ -185,13 +191,13 @@ impl<'a> Begun<'a> {
 }
 
 impl Reconstruction {
-    /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: gentle where learned steps have
-    /// brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub fn begin_adam(&mut self, turns: Turns, reduce: usize, num_views: usize) -> Adam {
-        let gentle = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
-        let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), turns, gentle });
+    /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
+    /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
+    pub fn begin_adam(&mut self, schedule: ViewSchedule, reduce: usize, num_views: usize) -> Adam {
+        let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
+        let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start });
         let measured = self.measured.take();
-        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && turns.take_all(num_views)));
+        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && schedule.take_all(num_views)));
         adam
     }
 }

@@ -6,7 +6,8 @@ use std::{
 };
 
 use super::{
-    Begun, Flags, Inputs, NetworkSettings, Reconstruction, Session, Stage, StageTimes, Watch, begin, check_refinement,
+    Begun, Inputs, MemorySettings, NetworkSettings, Reconstruction, Session, Stage, StageTimes, Watch, begin,
+    check_refinement,
 };
 use crate::{
     error::Result,
@@ -14,7 +15,7 @@ use crate::{
     network::model::Model,
     recipe::Recipe,
     refine::RefineSummary,
-    render::{Pass, Probes},
+    render::{MemoryEstimate, Pass},
     views::{View, at_factor},
 };
 
@@ -97,14 +98,13 @@ pub(super) fn optimise(
     watch: &mut Watch<'_>,
     done: &mut dyn FnMut(&Reconstruction, &StageTimes),
 ) -> Result<()> {
-    let (steps, turns, reduce) = (run.adam_steps(), run.recipe.turns(run.seed), run.recipe.refine_reduce);
-    let num_lidar = made.scene.num_lidar;
-    check_refinement([num_lidar, made.scene.len() - num_lidar], None, Flags::default())?;
+    let (steps, schedule, reduce) = (run.adam_steps(), run.recipe.view_schedule(run.seed), run.recipe.refine_reduce);
+    check_refinement([made.scene.num_lidar, made.scene.num_background()], None, MemorySettings::default())?;
     let (start, mut waited) = (Instant::now(), Duration::ZERO);
     // A step draws the views once, as the learned refinement has.
     let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
     let mut step_s = refined.or(run.deadline.map(|deadline| deadline.adam_step_s)).unwrap_or(0.0);
-    let mut adam = made.begin_adam(turns, reduce, inputs.views().len());
+    let mut adam = made.begin_adam(schedule, reduce, inputs.views().len());
     let (before, refine_before) = (made.seconds, watch.times.refine);
     watch.progress.begin(Stage::Refine, steps);
     let full: Vec<&View> = inputs.views().iter().collect();
@@ -118,7 +118,7 @@ pub(super) fn optimise(
                 break;
             }
             let pinholes = views.iter().map(|view| &view.pinhole);
-            watch.time(Stage::Refine, |_| Probes::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
+            watch.time(Stage::Refine, |_| MemoryEstimate::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
         }
         watch.time(Stage::Refine, |progress| {
             adam.step(&mut made.scene, &views);

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use lgs_formats::{clip::Clip, clip_dir::ClipDir};
 
-use super::{Drawing, Figures, Flags, Inputs, RenderedView, Silent, Stage, Watch, check_memory, evaluate_views};
+use super::{
+    Drawing, Figures, Inputs, MemorySettings, RenderedView, Silent, Stage, Watch, check_memory, evaluate_views,
+};
 use crate::{
     calibration::{Believed, Findings, Lenses, Mounts, calibrated},
     error::{EngineError, Result},
@@ -32,8 +34,8 @@ pub struct Opening {
     pub reference_camera: Option<String>,
     /// The frame and time zero to work in; `None` for those of the first input frame.
     pub clip_frame: Option<ClipFrame>,
-    /// What the program's flags that lower its need of memory are called.
-    pub flags: Flags,
+    /// Names of the settings that lower the need of memory.
+    pub memory: MemorySettings,
 }
 
 impl Opening {
@@ -81,8 +83,8 @@ impl Session {
         watch: &mut Watch<'_>,
         change: impl FnOnce(&mut Vec<View>),
     ) -> Result<Self> {
-        let Opening { selection, motion, lenses, mounts, colours, reference_camera, clip_frame, flags } = opening;
-        check_memory(&dir, &selection, flags)?;
+        let Opening { selection, motion, lenses, mounts, colours, reference_camera, clip_frame, memory } = opening;
+        check_memory(&dir, &selection, memory)?;
         let frames = selection.frames(dir.clip())?;
         let num_images = selection.num_images(dir.clip(), Role::Input)?;
         let reference = reference_camera.as_deref();
@@ -97,7 +99,7 @@ impl Session {
         change(&mut views);
         if let Some(name) = reference.filter(|&name| views.iter().all(|view| view.camera != name)) {
             return Err(EngineError::Setting {
-                setting: "--reference-camera",
+                setting: "reference-camera",
                 expected: "a camera with input images".to_owned(),
                 found: name.to_owned(),
             });

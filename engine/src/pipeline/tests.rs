@@ -22,7 +22,7 @@ use crate::{
     loss::LossWeights,
     objective::objective,
     recipe::Recipe,
-    refine::{Measured, RefineSummary, adam::AdamRates},
+    refine::{KnownObjective, RefineSummary, adam::AdamRates},
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -205,7 +205,7 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
     let optimised = |measured_at: Option<usize>, reduce: usize| {
         let mut made = held.reconstruct();
         let objective = || objective(&made.scene, &views, &LossWeights::default());
-        made.measured = measured_at.map(|reduce| Measured { objective: objective(), reduce });
+        made.measured = measured_at.map(|reduce| KnownObjective { objective: objective(), reduce });
         optimise(&mut made, &inputs, &adam(2, reduce, None), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
         let summary = made.optimisation.unwrap();
         (made.scene, summary.losses, made.measured.is_none())
@@ -215,7 +215,8 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
     assert_eq!(optimised(Some(1), 2), optimised(None, 2));
     // Without time for a step that draws, one that does not is made all the same.
     let mut made = held.reconstruct();
-    made.measured = Some(Measured { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
+    made.measured =
+        Some(KnownObjective { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
     let deadline = Some(Deadline { until: std::time::Instant::now(), adam_steps: 9, adam_step_s: 1.0 });
     optimise(&mut made, &inputs, &adam(0, 1, deadline), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
     assert_eq!(made.optimisation.unwrap().losses.len(), 1);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{ClipWork, Measured, Record};
+use super::{ClipWork, MeasuredRecipe, Record};
 use crate::recipe::Recipe;
 
 /// A machine that is slower by less than this factor, or quicker, is taken for the one that measured: a short stage says no more, and its
@@ -50,7 +50,7 @@ pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     let begin = record.begin_s(&work);
     let ratio = if begin > 0.0 { begin_s / begin } else { 1.0 };
     let slower = if ratio > SAME_SPEED { ratio } else { 1.0 };
-    let offer = |row: &Measured| Offer {
+    let offer = |row: &MeasuredRecipe| Offer {
         recipe: row.recipe,
         seconds: ((record.seconds(row, &work) - begin) * slower).max(0.0),
         behind: record.behind(row, &work),
@@ -133,7 +133,7 @@ mod tests {
             work: ClipWork { points, pixels, views: 4 },
             begin_s,
         };
-        let row = |refine_steps, network, psnr: [f64; 2], seconds: [f64; 2]| Measured {
+        let row = |refine_steps, network, psnr: [f64; 2], seconds: [f64; 2]| MeasuredRecipe {
             recipe: Recipe { refine_steps, network, ..Recipe::default() },
             psnr: psnr.to_vec(),
             seconds: seconds.to_vec(),
@@ -177,7 +177,7 @@ mod tests {
     fn time_between_two_recorded_numbers_of_steps_is_used() {
         let mut record = record();
         let adam = Recipe { refine_steps: 1, adam_steps: 10, ..Recipe::default() };
-        record.recipes.push(Measured { recipe: adam, psnr: vec![28.0, 28.0], seconds: vec![2.4, 24.0] });
+        record.recipes.push(MeasuredRecipe { recipe: adam, psnr: vec![28.0, 28.0], seconds: vec![2.4, 24.0] });
         let of = |seconds| choose(&record, &budget(seconds)).unwrap();
         // 0.3 s for the first step, 0.2 s for each of the others.
         let chosen = of(1.31);

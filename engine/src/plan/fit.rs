@@ -1,6 +1,6 @@
 //! What a recipe would take on a clip, from what it took on others.
 
-use super::{least_squares::non_negative, record::ClipWork};
+use super::{least_squares::non_negative, work::ClipWork};
 
 /// Constant, points, pixels.
 const TERMS: usize = 3;

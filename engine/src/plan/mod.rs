@@ -4,7 +4,9 @@ mod budget;
 mod fit;
 mod least_squares;
 mod record;
+mod work;
 
 pub use budget::{Budget, Chosen, choose};
 pub use least_squares::non_negative;
-pub use record::{ClipWork, Measured, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};
+pub use record::{MeasuredRecipe, Named, PRESETS_FORMAT, Preset, Record, RecordedClip};
+pub use work::ClipWork;

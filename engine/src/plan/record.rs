@@ -2,28 +2,17 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::fit;
+use super::{fit, work::ClipWork};
 use crate::{
     error::{EngineError, Result},
     recipe::Recipe,
+    words::Words,
 };
 
 /// The value of `format`.
 pub const PRESETS_FORMAT: &str = "lgs-presets/1";
 /// The file in the repository, as it was when the program was built.
 const SHIPPED: &str = include_str!("../../../models/presets.json");
-
-/// How much there is to do on a clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ClipWork {
-    /// `LiDAR` Gaussians at the beginning.
-    pub points: usize,
-    /// Pixels of all input views.
-    pub pixels: usize,
-    /// Input views.
-    pub views: usize,
-}
 
 /// A clip that was measured on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,7 +29,7 @@ pub struct RecordedClip {
 /// A recipe and its figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Measured {
+pub struct MeasuredRecipe {
     /// The recipe.
     pub recipe: Recipe,
     /// Of each clip, mean PSNR over the held-out views, dB.
@@ -50,7 +39,7 @@ pub struct Measured {
 }
 
 /// A recipe with a name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Named {
     /// The best of those that take at most an eighth of the time of `accurate`.
@@ -59,6 +48,14 @@ pub enum Named {
     Balanced,
     /// The best.
     Accurate,
+}
+
+impl Words for Named {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("fast", Self::Fast, "The best of those that take at most an eighth of the time of accurate"),
+        ("balanced", Self::Balanced, "The best of those that take at most half the time of accurate"),
+        ("accurate", Self::Accurate, "The best"),
+    ];
 }
 
 /// Which recipe a name means.
@@ -86,7 +83,7 @@ pub struct Record {
     /// The clips.
     pub clips: Vec<RecordedClip>,
     /// The recipes.
-    pub recipes: Vec<Measured>,
+    pub recipes: Vec<MeasuredRecipe>,
 }
 
 impl Record {
@@ -109,7 +106,7 @@ impl Record {
         if record.format != PRESETS_FORMAT {
             return Err(wrong(PRESETS_FORMAT.to_owned(), record.format));
         }
-        let of_every_clip = |row: &Measured| [row.psnr.len(), row.seconds.len()] == [record.clips.len(); 2];
+        let of_every_clip = |row: &MeasuredRecipe| [row.psnr.len(), row.seconds.len()] == [record.clips.len(); 2];
         if record.clips.is_empty() || !record.recipes.iter().all(of_every_clip) {
             return Err(wrong("figures of every recipe on every clip".to_owned(), "others".to_owned()));
         }
@@ -132,12 +129,12 @@ impl Record {
     }
 
     /// Seconds that a recipe would take on a clip, on the machine that measured.
-    pub(super) fn seconds(&self, row: &Measured, work: &ClipWork) -> f64 {
+    pub(super) fn seconds(&self, row: &MeasuredRecipe, work: &ClipWork) -> f64 {
         fit::seconds(&self.of_clips(row.seconds.iter().copied()), work)
     }
 
     /// Decibels that a recipe stays behind the best one, on clips like this one.
-    pub(super) fn behind(&self, row: &Measured, work: &ClipWork) -> f64 {
+    pub(super) fn behind(&self, row: &MeasuredRecipe, work: &ClipWork) -> f64 {
         let best = |clip: usize| self.recipes.iter().map(|row| row.psnr[clip]).fold(f64::NEG_INFINITY, f64::max);
         let behind = row.psnr.iter().enumerate().map(|(clip, psnr)| best(clip) - psnr);
         fit::alike(&self.of_clips(behind), work)

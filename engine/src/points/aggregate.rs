@@ -20,13 +20,13 @@ pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Re
     for &index in input_frames {
         let Some((record, label)) = dir.clip().frames.get(index).zip(u32::try_from(index).ok()) else {
             let expected = format!("frame indices below {}", dir.clip().frames.len());
-            return Err(EngineError::Setting { setting: "--frames", expected, found: index.to_string() });
+            return Err(EngineError::Setting { setting: "frames", expected, found: index.to_string() });
         };
         let (lidar, sweep) = (&record.lidar, dir.load_sweep(index)?);
         let found = cloud.len() + sweep.points.len();
         if found > MOST_RETURNS {
             let expected = format!("frames of at most {MOST_RETURNS} returns");
-            return Err(EngineError::Setting { setting: "--frames", expected, found: found.to_string() });
+            return Err(EngineError::Setting { setting: "frames", expected, found: found.to_string() });
         }
         match &sweep.times {
             Some(times) => cloud.times.extend(times.iter().map(|&time| frame.later(lidar.timestamp, time))),

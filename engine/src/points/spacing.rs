@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::{error::Result, ops::knn::nearest_in_space, views::to_f32};
+use lgs_formats::casts::to_f32;
+
+use crate::{error::Result, ops::knn::nearest_in_space};
 
 /// How many neighbours the spacing is the mean over.
 const NUM_NEIGHBOURS: usize = 3;

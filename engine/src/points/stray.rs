@@ -90,7 +90,7 @@ pub fn drop_strays(cloud: &mut PointCloud) -> Result<Dropped> {
     Ok(dropped)
 }
 
-/// Takes away what does not stay.
+/// Removes what does not stay.
 fn keep<T>(all: &mut Vec<T>, stays: &[bool]) {
     let mut stays = stays.iter();
     all.retain(|_| stays.next() == Some(&true));

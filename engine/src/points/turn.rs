@@ -4,6 +4,7 @@
 //! to one moment by the vehicle's motion, with the right sense of rotation; and worse if that was done before.
 
 use glam::{DMat3, DVec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     clip::{Clip, ReturnsRecord},
     lidar_motion::LidarMotion,
@@ -13,11 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::PointCloud;
-use crate::{
-    error::Result,
-    ops::knn::Space,
-    views::{ClipFrame, to_f32},
-};
+use crate::{error::Result, ops::knn::Space, views::ClipFrame};
 
 /// Shortest and longest turn, seconds: 30 and 7 a second.
 const TURN: [f64; 2] = [0.03, 0.15];
@@ -210,15 +207,13 @@ mod tests {
 
     use glam::{DMat3, DVec3};
     use lgs_formats::{
+        casts::to_f32,
         clip::{Clip, Frame, LidarRecord},
         pose::Pose,
     };
 
     use super::{Turn, tell_apart};
-    use crate::{
-        points::PointCloud,
-        views::{ClipFrame, to_f32},
-    };
+    use crate::{points::PointCloud, views::ClipFrame};
 
     const SPEED: f64 = 12.0;
     const TURN: f64 = 0.1;

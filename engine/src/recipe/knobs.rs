@@ -17,7 +17,7 @@ const MOST_REDUCED: usize = 64;
 /// One option.
 #[derive(Clone, Copy, Debug)]
 pub struct Knob {
-    /// Its name, as flags have it but for the dashes in front.
+    /// Its name: that of its flag, without the dashes.
     pub name: &'static str,
     /// The value of the recipe that nobody asked to be otherwise; empty for none.
     pub usual: &'static str,
@@ -27,6 +27,10 @@ pub struct Knob {
     pub help: &'static str,
     /// The words that it takes, with what each means; none for a number.
     pub words: &'static [(&'static str, &'static str)],
+    /// Other words that are understood, each with the one that it stands for.
+    pub aliases: &'static [(&'static str, &'static str)],
+    /// Whether a time budget decides on it.
+    pub by_budget: bool,
     /// Changes a recipe to a value, or says what was expected.
     pub set: fn(&mut Recipe, &str) -> Result<(), String>,
     /// The value of a recipe; `None` where it says nothing: without a network, of what is off.
@@ -50,6 +54,8 @@ pub const KNOBS: [Knob; 13] = [
             ("depth", "Where the images and sweeps agree that it is"),
             ("maps", "Where the clip's depth maps say it is; depth for images without one that fits"),
         ],
+        aliases: &[("none", "off")],
+        by_budget: true,
         set: |recipe, text| put_word(&mut recipe.background, if text == "none" { "off" } else { text }),
         get: |recipe| Some(json!(recipe.background)),
         always: true,
@@ -61,6 +67,8 @@ pub const KNOBS: [Knob; 13] = [
         help: "How different, times the usual, the pixels and returns may be that share a Gaussian, and above 1 how many they may be, 0 to 8: \
                more is coarser and quicker; 0: a Gaussian for every return and every pixel between them [default: 1]",
         words: &[],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| put(&mut recipe.coarseness, text),
         get: |recipe| Some(json!(recipe.coarseness)),
         always: false,
@@ -71,6 +79,8 @@ pub const KNOBS: [Knob; 13] = [
         value: "WORD",
         help: "Whether primitives ask their nearest of other timestamps [default: on]",
         words: &[("on", "They do"), ("off", "They do not")],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| {
             recipe.query = text == "on";
             if matches!(text, "on" | "off") { Ok(()) } else { Err(format!("expected on or off, found {text}")) }
@@ -87,11 +97,13 @@ pub const KNOBS: [Knob; 13] = [
             ("policy", "The learned policy, of the LiDAR's"),
             (
                 "exact",
-                "Whatever the input views show best without, measured in rounds; to --max-gaussians where that is given",
+                "Whatever the input views show best without, measured in rounds; to the limit, where there is one",
             ),
             ("random", "Chance, as often as the policy would, of the LiDAR's: the ablation"),
             ("off", "Nobody: the set stays as it is"),
         ],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| {
             put_word(&mut recipe.density, text)?;
             // A limit that a preset has asks for somebody who can meet it.
@@ -105,8 +117,10 @@ pub const KNOBS: [Knob; 13] = [
         name: "density-scope",
         usual: "all",
         value: "WORD",
-        help: "Which Gaussians --density exact may prune, and --max-gaussians then counts [default: all]",
+        help: "Which Gaussians exact pruning may take, and the limit counts [default: all]",
         words: &[("all", "Those of the LiDAR and those behind them"), ("lidar", "Those of the LiDAR")],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| put_word(&mut recipe.density_scope, text),
         get: |recipe| recipe.network.then(|| json!(recipe.density_scope)),
         always: false,
@@ -117,6 +131,8 @@ pub const KNOBS: [Knob; 13] = [
         value: "F",
         help: "Score above which a primitive is pruned, 0 to 1 [default: 0.7]",
         words: &[],
+        aliases: &[],
+        by_budget: false,
         set: |recipe, text| put_score(&mut recipe.thresholds.prune, text),
         get: |recipe| recipe.network.then(|| score(recipe.thresholds.prune)),
         always: false,
@@ -127,6 +143,8 @@ pub const KNOBS: [Knob; 13] = [
         value: "F",
         help: "Score above which a primitive gets a copy beside it, 0 to 1 [default: 0.7]",
         words: &[],
+        aliases: &[],
+        by_budget: false,
         set: |recipe, text| put_score(&mut recipe.thresholds.add, text),
         get: |recipe| recipe.network.then(|| score(recipe.thresholds.add)),
         always: false,
@@ -136,9 +154,11 @@ pub const KNOBS: [Knob; 13] = [
         usual: "",
         value: "N|P%",
         help: "Largest number of Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: of the whole scene \
-               with --density exact, of the LiDAR's with a policy; the worst go first, then the best copies come [default: as many as the \
+               with exact effects, of the LiDAR's with a policy; the worst go first, then the best copies come [default: as many as the \
                effects or scores ask for]",
         words: &[],
+        aliases: &[],
+        by_budget: false,
         set: |recipe, text| {
             recipe.max_gaussians = Some(text.parse()?);
             Ok(())
@@ -151,8 +171,10 @@ pub const KNOBS: [Knob; 13] = [
         usual: "learned",
         value: "learned|adam:N",
         help: "Who refines: learned: the network, where there is one; adam:N: N steps of per-scene optimisation by the same loss, 0 to 100000, \
-               with a network or without; --refine-steps before them only where they are asked for [default: learned]",
+               with a network or without; learned steps before them only where they are asked for [default: learned]",
         words: &[],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| match text.split_once(':') {
             None if text == "learned" => {
                 recipe.adam_steps = 0;
@@ -174,8 +196,10 @@ pub const KNOBS: [Knob; 13] = [
         name: "refine-steps",
         usual: "3",
         value: "N",
-        help: "Steps of the learned refinement over the input views, 0 to 1000 [default: 3; with --refine-with adam:N: 0]",
+        help: "Steps of the learned refinement over the input views, 0 to 1000 [default: 3; 0 where adam:N refines]",
         words: &[],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| put_count(&mut recipe.refine_steps, text, [0, MOST_LEARNED]),
         get: |recipe| recipe.network.then(|| json!(recipe.refine_steps)),
         always: true,
@@ -191,6 +215,8 @@ pub const KNOBS: [Knob; 13] = [
             ("last", "The last alone: quicker, and worth it where adam:N follows"),
             ("off", "None: a step is as long as the network says"),
         ],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| put_word(&mut recipe.line_search, text),
         get: |recipe| (recipe.network && recipe.refine_steps > 0).then(|| json!(recipe.line_search)),
         always: false,
@@ -201,6 +227,8 @@ pub const KNOBS: [Knob; 13] = [
         value: "N",
         help: "Input views that a step of a refinement looks at, in random turns [default: all]",
         words: &[],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| {
             let mut count = 0;
             put_count(&mut count, text, [1, usize::MAX])?;
@@ -216,6 +244,8 @@ pub const KNOBS: [Knob; 13] = [
         value: "N",
         help: "How many times smaller in width and height the images are that a refinement looks at, 1 to 64 [default: 1]",
         words: &[],
+        aliases: &[],
+        by_budget: true,
         set: |recipe, text| put_count(&mut recipe.refine_reduce, text, [1, MOST_REDUCED]),
         get: |recipe| recipe.refines().then(|| json!(recipe.refine_reduce)),
         always: false,
@@ -228,10 +258,15 @@ impl Knob {
         self.name.replace('-', "_")
     }
 
-    /// The flag and the value that ask for what a recipe has; `None` where it says nothing, or what is usual anyway.
-    pub(super) fn flag(&self, recipe: &Recipe) -> Option<String> {
+    /// The value that asks for what a recipe has; `None` where it says nothing, or what is usual anyway.
+    pub(super) fn option(&self, recipe: &Recipe) -> Option<String> {
         let value = text(&(self.get)(recipe)?);
-        (self.always || value != self.usual).then(|| format!("--{} {value}", self.name))
+        (self.always || value != self.usual).then_some(value)
+    }
+
+    /// Other words that are understood, with the word that each stands for.
+    pub fn aliases(&self, word: &str) -> impl Iterator<Item = &'static str> {
+        self.aliases.iter().filter(move |(_, known)| *known == word).map(|(alias, _)| *alias)
     }
 }
 
@@ -317,9 +352,8 @@ mod tests {
             (knob.set)(&mut other, value).unwrap();
         }
         let mut again = usual;
-        for flag in other.words() {
-            let (name, value) = flag.strip_prefix("--").unwrap().split_once(' ').unwrap();
-            (KNOBS.iter().find(|knob| knob.name == name).unwrap().set)(&mut again, value).unwrap();
+        for (name, value) in other.options() {
+            (KNOBS.iter().find(|knob| knob.name == name).unwrap().set)(&mut again, &value).unwrap();
         }
         assert_eq!(again, other);
     }

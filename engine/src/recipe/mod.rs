@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     densify::{Density, Limit, Scope, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
-    refine::{LineSearch, Turns},
+    refine::{LineSearch, ViewSchedule},
 };
 
 pub use knobs::{KNOBS, Knob};
@@ -90,8 +90,8 @@ impl Recipe {
     }
 
     /// The views that a step looks at.
-    pub const fn turns(&self, seed: u64) -> Turns {
-        Turns { views_per_step: self.refine_views, seed }
+    pub const fn view_schedule(&self, seed: u64) -> ViewSchedule {
+        ViewSchedule { views_per_step: self.refine_views, seed }
     }
 
     /// What the scene begins with.
@@ -99,23 +99,28 @@ impl Recipe {
         Start { background: self.background, coarseness: self.coarseness }
     }
 
-    /// The flags of `lgs-infer` that ask for it, where the weights are named apart.
-    pub fn words(&self) -> Vec<String> {
-        KNOBS.iter().filter_map(|knob| knob.flag(self)).collect()
+    /// The names and values of the options that ask for it, where the weights are named apart.
+    pub fn options(&self) -> Vec<(&'static str, String)> {
+        KNOBS.iter().filter_map(|knob| Some((knob.name, knob.option(self)?))).collect()
     }
 
-    /// The flags of `lgs-infer` that ask for it, with the weights that ship where there is a network.
+    /// The flags that ask for it, with the weights that ship where there is a network.
     pub fn flags(&self) -> String {
-        let mut flags = self.words();
+        let mut options = self.options();
         if !self.network {
-            flags.insert(0, "--weights none".to_owned());
+            options.insert(0, ("weights", "none".to_owned()));
         }
-        flags.join(" ")
+        flags(options).join(" ")
     }
 }
 
+/// Options as a command line has them: two words for each.
+pub fn flags<'a>(options: impl IntoIterator<Item = (&'a str, String)>) -> Vec<String> {
+    options.into_iter().flat_map(|(name, value)| [format!("--{name}"), value]).collect()
+}
+
 /// The word that stands for a value in JSON and on the command line.
-pub(crate) fn word(value: &impl Serialize) -> String {
+pub fn word(value: &impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
@@ -123,15 +128,19 @@ pub(crate) fn word(value: &impl Serialize) -> String {
 mod tests {
     use super::*;
 
+    fn as_flags(options: &str) -> String {
+        options.split(", ").map(|option| format!("--{option}")).collect::<Vec<_>>().join(" ")
+    }
+
     #[test]
     fn flags_say_what_is_not_as_usual() {
         let usual = Recipe::default();
-        assert_eq!(usual.flags(), "--background auto --query on --density policy --refine-steps 3");
+        assert_eq!(usual.flags(), as_flags("background auto, query on, density policy, refine-steps 3"));
         let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
-        assert_eq!(adam.flags(), "--weights none --background gaps --refine-with adam:30 --refine-reduce 2");
+        assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
         let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
-        assert!(quicker.flags().ends_with(" --refine-with adam:2 --refine-steps 3 --line-search last"));
+        assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
         let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..usual };
-        assert!(eager.flags().contains(" --density policy --theta-prune 0.9 --theta-add 0.5 --refine-steps"));
+        assert!(eager.flags().contains(&as_flags("density policy, theta-prune 0.9, theta-add 0.5, refine-steps 3")));
     }
 }

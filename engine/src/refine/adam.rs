@@ -2,17 +2,18 @@
 
 mod rates;
 
+use lgs_formats::casts::to_f32;
 use rayon::prelude::*;
 
-use super::{Measured, RefineSeconds, silence, turns::Turns};
+use super::{KnownObjective, RefineSeconds, view_schedule::ViewSchedule, zero_non_finite};
 use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::loss::LossWeights;
 use crate::objective::objective;
-use crate::views::{View, to_f32};
+use crate::views::View;
 
 pub use rates::{AdamRates, RateGroup};
 
-/// Decay of the mean of the gradients, and that of a gentle optimisation.
+/// Decay of the mean of the gradients, and that of one with a warm start.
 const BETA_1: [f64; 2] = [0.9, 0.8];
 /// Decay of the mean of their squares.
 const BETA_2: f64 = 0.999;
@@ -29,9 +30,9 @@ pub struct AdamSettings {
     /// Step sizes.
     pub rates: AdamRates,
     /// Views that a step looks at.
-    pub turns: Turns,
+    pub schedule: ViewSchedule,
     /// Whether the scene is near its optimum, so that the first steps are short: see [`Adam`].
-    pub gentle: bool,
+    pub warm_start: bool,
 }
 
 /// What an optimisation did.
@@ -52,9 +53,9 @@ pub struct AdamSummary {
 /// `m <- 0.9 m + 0.1 g`, `s <- 0.999 s + 0.001 g^2`, `x <- x - rate m' / (sqrt(s') + 1e-15)` with the moments' bias taken out. A value
 /// without gradient so far stays where it is.
 ///
-/// A gentle one has `m <- 0.8 m + 0.2 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in step k: its steps
+/// One with a warm start has `m <- 0.8 m + 0.2 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in step k: its steps
 /// begin at a quarter of the rate, are longest in the seventh, and grow shorter. Usual first steps go by the sign of the gradient, a whole rate each,
-/// which helps a scene that is far from its optimum and spoils one that is not: `sweep/NEEDS.md` has the figures.
+/// which helps a scene that is far from its optimum and spoils one that is not: `measure/NEEDS.md` has the figures.
 ///
 /// # Source
 /// Kingma and Ba, Adam, 2015; Kerbl et al., 3D Gaussian splatting, 2023.
@@ -64,7 +65,7 @@ pub struct Adam {
     /// `[N, 17, 2]` first and second moments.
     moments: Vec<[[f32; 2]; VARIABLES]>,
     /// Loss and gradient of the scene as it is, where they are known.
-    measured: Option<Measured>,
+    measured: Option<KnownObjective>,
     summary: AdamSummary,
 }
 
@@ -76,7 +77,7 @@ impl Adam {
     }
 
     /// Takes the next step by loss and gradient of the scene that are known already: those over the views that it would look at.
-    pub fn begin_with(&mut self, measured: Option<Measured>) {
+    pub fn begin_with(&mut self, measured: Option<KnownObjective>) {
         self.measured = measured;
     }
 
@@ -91,16 +92,16 @@ impl Adam {
         let mut current = match self.measured.take() {
             Some(measured) => measured.objective,
             None => {
-                let found = objective(set, &self.settings.turns.of_step(done, views), &LossWeights::default());
+                let found = objective(set, &self.settings.schedule.of_step(done, views), &LossWeights::default());
                 self.summary.seconds.render += found.seconds.render;
                 self.summary.seconds.loss += found.seconds.loss;
                 found
             }
         };
-        self.summary.non_finite_gradients += silence(&mut current.gradient);
+        self.summary.non_finite_gradients += zero_non_finite(&mut current.gradient);
         self.summary.losses.push(current.loss);
         let rates = self.settings.rates.by_variable();
-        let pace = Pace::of_step(done, self.settings.gentle);
+        let pace = Pace::of_step(done, self.settings.warm_start);
         let values = set.attributes.par_iter_mut().zip(&mut set.velocities);
         let gradients = current.gradient.attributes.par_iter().zip(&current.gradient.velocities);
         let all = values.zip(gradients).zip(&mut self.moments).with_min_len(GRAIN);
@@ -149,10 +150,10 @@ struct Pace {
 
 impl Pace {
     /// That of the step after `done` ones.
-    fn of_step(done: usize, gentle: bool) -> Self {
+    fn of_step(done: usize, warm_start: bool) -> Self {
         let step = (done + 1) as f64;
         let second = 1.0 - BETA_2.powf(step);
-        if gentle {
+        if warm_start {
             Self { beta_1: BETA_1[1], unbiased: [1.0, second], rate: 1.5 / (1.0 + step / 2.0).sqrt() }
         } else {
             Self { beta_1: BETA_1[0], unbiased: [1.0 - BETA_1[0].powf(step), second], rate: 1.0 }
@@ -196,10 +197,10 @@ mod tests {
 
     #[test]
     fn a_parabola_is_descended() {
-        for (gentle, steps) in [(false, 400), (true, 2000)] {
+        for (warm_start, steps) in [(false, 400), (true, 2000)] {
             let (mut x, mut moment) = (3.0, [0.0; 2]);
             for done in 0..steps {
-                x -= 0.05 * Pace::of_step(done, gentle).step(&mut moment, 2.0 * (x - 1.0));
+                x -= 0.05 * Pace::of_step(done, warm_start).step(&mut moment, 2.0 * (x - 1.0));
             }
             assert!((x - 1.0_f64).abs() < 0.05, "{x}");
         }

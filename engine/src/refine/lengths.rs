@@ -1,5 +1,6 @@
 //! How far every Gaussian goes along its step: as far as the images around it ask.
 
+use lgs_formats::casts::to_f32;
 use rayon::prelude::*;
 
 use crate::gaussians::physical::to_physical;
@@ -7,7 +8,7 @@ use crate::gaussians::{GaussianSet, MEAN};
 use crate::network::normalise::is_carried_away;
 use crate::objective::{BEHIND, counted_pixels};
 use crate::render::{blended_sums, render_for_gradient};
-use crate::views::{View, to_f32};
+use crate::views::View;
 
 /// Shortest and longest step, of the one that the network asks for.
 const LENGTHS: [f64; 2] = [0.5, 2.0];

@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use super::Turns;
+use super::ViewSchedule;
 use crate::objective::Objective;
 
 /// After which learned steps every Gaussian's length of the step is searched for, where the model's config asks for that.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineSearch {
     /// Every one.
@@ -40,7 +40,7 @@ pub struct RefineSettings {
     /// Steps.
     pub steps: usize,
     /// Views that a step looks at.
-    pub turns: Turns,
+    pub schedule: ViewSchedule,
     /// How many times smaller in width and height the images are that it looks at.
     pub reduce: usize,
     /// No step begins, after the first, that would probably end later than this; `None` for no limit.
@@ -56,7 +56,7 @@ impl From<usize> for RefineSettings {
     fn from(steps: usize) -> Self {
         Self {
             steps,
-            turns: Turns::default(),
+            schedule: ViewSchedule::default(),
             reduce: 1,
             until: None,
             line_search: LineSearch::Every,
@@ -71,12 +71,12 @@ pub struct Refined {
     /// What it did.
     pub summary: RefineSummary,
     /// Loss and gradient of the refined scene; `None` where nobody asked, or the last step was not measured or was taken back.
-    pub measured: Option<Measured>,
+    pub measured: Option<KnownObjective>,
 }
 
 /// Loss and gradient of a scene over all views, as it was when they were taken.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct KnownObjective {
     /// With a gradient of as many rows as the scene has Gaussians.
     pub objective: Objective,
     /// How many times smaller in width and height the images were.

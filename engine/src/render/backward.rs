@@ -24,7 +24,7 @@ pub(super) type Moments = [f32; MOMENTS];
 /// Gradients of the four drawn channels, then the sum behind, then the transmittance.
 const STATE_PLANES: usize = 6;
 
-/// Moments of every intersection, in the order of `lists.entries`, and the sums of M maps `[H, W]` under its blending weights.
+/// Moments of every intersection, in the order of `lists.intersections`, and the sums of M maps `[H, W]` under its blending weights.
 pub(super) fn moments<const M: usize>(
     state: &RenderedWithState,
     gradient: &ImageGradient,
@@ -32,10 +32,11 @@ pub(super) fn moments<const M: usize>(
 ) -> (Vec<Moments>, Vec<[f32; M]>) {
     const { assert!(M <= MAPS, "the planes of a tile hold that many maps") };
     let lists = &state.lists;
-    let mut all = vec![[0.0_f32; MOMENTS]; lists.entries.len()];
-    let mut sums = vec![[0.0_f32; M]; lists.entries.len()];
+    let mut all = vec![[0.0_f32; MOMENTS]; lists.intersections.len()];
+    let mut sums = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().zip(by_tile(&mut sums, &lists.first_entry));
+    let per_tile =
+        by_tile(&mut all, &lists.first_of_tile).into_par_iter().zip(by_tile(&mut sums, &lists.first_of_tile));
     per_tile.enumerate().filter(|(_, (out, _))| !out.is_empty()).for_each(|(tile, (out, sums))| {
         let mut room = [0.0_f32; (STATE_PLANES + MAPS) * TILE_PIXELS];
         let (planes, map_planes) = room[..(STATE_PLANES + M) * TILE_PIXELS].split_at_mut(STATE_PLANES * TILE_PIXELS);
@@ -49,9 +50,9 @@ pub(super) fn moments<const M: usize>(
 }
 
 /// The part of `all` that belongs to each tile.
-pub(super) fn by_tile<'a, T>(all: &'a mut [T], first_entry: &[u32]) -> Vec<&'a mut [T]> {
+pub(super) fn by_tile<'a, T>(all: &'a mut [T], first_of_tile: &[u32]) -> Vec<&'a mut [T]> {
     let mut rest = all;
-    first_entry
+    first_of_tile
         .windows(2)
         .map(|pair| {
             let (head, tail) = std::mem::take(&mut rest).split_at_mut((pair[1] - pair[0]) as usize);
@@ -128,11 +129,11 @@ impl<const M: usize> WithSimd for TileMoments<'_, M> {
         let (maps, stops) = (S::as_simd_f32s(maps).0, S::as_simd_f32s(stops).0);
         let last = last_position(simd, stops);
         let mut planes = Planes { state, maps, stops };
-        for (position, &entry) in lists.entries_of(tile).iter().enumerate().rev() {
+        for (position, &intersection) in lists.intersections_of(tile).iter().enumerate().rev() {
             if position as f32 >= last {
                 continue;
             }
-            let footprint = &lists.footprints[entry as usize];
+            let footprint = &lists.footprints[intersection as usize];
             (out[position], sums[position]) =
                 unblend(simd, &broadcast, &mut planes, footprint, &origin, position as f32);
         }

@@ -26,12 +26,15 @@ pub fn blended_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) 
 }
 
 /// Sums over the tiles of each visible Gaussian.
-pub(super) fn over_tiles<const M: usize>(lists: &TileLists, by_entry: &[[f32; M]]) -> Vec<[f64; M]> {
+pub(super) fn over_tiles<const M: usize>(lists: &TileLists, by_intersection: &[[f32; M]]) -> Vec<[f64; M]> {
     let of_visible = |visible: usize| {
-        let slots = &lists.slots[lists.first_slot[visible] as usize..lists.first_slot[visible + 1] as usize];
+        let places_of_splats =
+            &lists.places_of_splats[lists.first_of_splat[visible] as usize..lists.first_of_splat[visible + 1] as usize];
         let mut sums = [0.0; M];
-        for &slot in slots {
-            sums.iter_mut().zip(&by_entry[slot as usize]).for_each(|(sum, &part)| *sum += f64::from(part));
+        for &place_of_splat in places_of_splats {
+            sums.iter_mut()
+                .zip(&by_intersection[place_of_splat as usize])
+                .for_each(|(sum, &part)| *sum += f64::from(part));
         }
         sums
     };
@@ -41,9 +44,9 @@ pub(super) fn over_tiles<const M: usize>(lists: &TileLists, by_entry: &[[f32; M]
 /// Sums of every intersection of a Gaussian and a tile, in the order of the lists.
 fn entry_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec<[f32; M]> {
     let lists = &state.lists;
-    let mut all = vec![[0.0_f32; M]; lists.entries.len()];
+    let mut all = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().enumerate();
+    let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
     per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
         let mut planes = [0.0_f32; (MAPS + 1) * TILE_PIXELS];
         let planes = &mut planes[..(M + 1) * TILE_PIXELS];
@@ -76,11 +79,11 @@ impl<const M: usize> WithSimd for TileSums<'_, M> {
         let planes = S::as_mut_simd_f32s(planes).0;
         let stops = S::as_simd_f32s(stops).0;
         let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
-        for (position, (&entry, out)) in lists.entries_of(tile).iter().zip(out).enumerate() {
+        for (position, (&intersection, out)) in lists.intersections_of(tile).iter().zip(out).enumerate() {
             if position as f32 >= last {
                 return;
             }
-            let footprint = &lists.footprints[entry as usize];
+            let footprint = &lists.footprints[intersection as usize];
             *out = gather(simd, &broadcast, (&mut *planes, stops), footprint, &origin, position as f32);
         }
     }

@@ -13,8 +13,8 @@ use crate::views::PinholeView;
 #[derive(Clone, Debug)]
 pub struct Projection {
     footprints: Vec<Footprint>,
-    /// `[num_visible + 1]`: footprint `v` touches `tiles[first_slot[v]..first_slot[v + 1]]`.
-    first_slot: Vec<u32>,
+    /// `[num_visible + 1]`: footprint `v` touches `tiles[first_of_splat[v]..first_of_splat[v + 1]]`.
+    first_of_splat: Vec<u32>,
     tiles: Vec<u32>,
 }
 
@@ -26,23 +26,23 @@ impl Projection {
 
     fn of(splats: &[Splat], first: usize, view: &PinholeView) -> Self {
         let footprints = visible_by_depth(splats, first, view);
-        let (first_slot, tiles) = tiles_of_each(&footprints, view);
-        Self { footprints, first_slot, tiles }
+        let (first_of_splat, tiles) = tiles_of_each(&footprints, view);
+        Self { footprints, first_of_splat, tiles }
     }
 
     fn with_capacity(footprints: usize, tiles: usize) -> Self {
-        let mut first_slot = Vec::with_capacity(footprints + 1);
-        first_slot.push(0);
-        Self { footprints: Vec::with_capacity(footprints), first_slot, tiles: Vec::with_capacity(tiles) }
+        let mut first_of_splat = Vec::with_capacity(footprints + 1);
+        first_of_splat.push(0);
+        Self { footprints: Vec::with_capacity(footprints), first_of_splat, tiles: Vec::with_capacity(tiles) }
     }
 
     /// Appends a run of another projection's footprints.
     fn push(&mut self, from: &Self, run: Range<usize>) {
-        let slots = &from.first_slot[run.start..=run.end];
-        let (start, end) = (slots[0], slots[run.len()]);
-        let before = self.first_slot.last().copied().unwrap_or(0);
+        let places_of_splats = &from.first_of_splat[run.start..=run.end];
+        let (start, end) = (places_of_splats[0], places_of_splats[run.len()]);
+        let before = self.first_of_splat.last().copied().unwrap_or(0);
         self.footprints.extend_from_slice(&from.footprints[run]);
-        self.first_slot.extend(slots[1..].iter().map(|slot| slot - start + before));
+        self.first_of_splat.extend(places_of_splats[1..].iter().map(|place_of_splat| place_of_splat - start + before));
         self.tiles.extend_from_slice(&from.tiles[start as usize..end as usize]);
     }
 
@@ -87,7 +87,7 @@ impl Projection {
     }
 
     fn composite(self, view: &PinholeView, background: [f32; 3], opaque: f32) -> RenderedWithState {
-        let lists = bin(self.footprints, self.first_slot, self.tiles, view);
+        let lists = bin(self.footprints, self.first_of_splat, self.tiles, view);
         let tiles = forward::composite(&lists, opaque);
         let images = forward::assemble(&tiles, lists.grid, [view.width, view.height], background);
         RenderedWithState { images, lists, tiles, background }

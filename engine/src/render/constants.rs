@@ -1,6 +1,6 @@
 //! Every constant of the rasteriser, with its origin.
 
-/// Added to both diagonal entries of the projected covariance, px^2 (gsplat `eps2d`).
+/// Added to both diagonal intersections of the projected covariance, px^2 (gsplat `eps2d`).
 pub const BLUR_PX2: f64 = 0.3;
 /// Largest alpha of one Gaussian at one pixel (gsplat 1.5.3; 1.6 has 0.99).
 pub const ALPHA_MAX: f32 = 0.999;

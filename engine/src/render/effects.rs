@@ -88,9 +88,9 @@ const MOST_ODDS: f32 = 60.0;
 /// the module says, e and e' the expected depths; `s = 1 / (1 + 2^-(halving . (p - centre)))`.
 pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: &[[f32; 2]]) -> Vec<Effect> {
     let lists = &state.lists;
-    let mut all = vec![[0.0_f32; SUMS]; lists.entries.len()];
+    let mut all = vec![[0.0_f32; SUMS]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile = by_tile(&mut all, &lists.first_entry).into_par_iter().enumerate();
+    let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
     per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
         let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
         load(&mut planes, state, tile, costs);
@@ -151,11 +151,12 @@ impl WithSimd for TileEffects<'_> {
         let stops = S::as_simd_f32s(stops).0;
         let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
         let per = per.map(|cost| simd.splat_f32s(cost));
-        for (position, &entry) in lists.entries_of(tile).iter().enumerate().rev() {
+        for (position, &intersection) in lists.intersections_of(tile).iter().enumerate().rev() {
             if position as f32 >= last {
                 continue;
             }
-            let half = Half { footprint: &lists.footprints[entry as usize], halving: halving[entry as usize] };
+            let half =
+                Half { footprint: &lists.footprints[intersection as usize], halving: halving[intersection as usize] };
             out[position] = walk(simd, &broadcast, (&mut *planes, stops), &half, (&origin, per), position as f32);
         }
     }

@@ -23,8 +23,8 @@ pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
     let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
     tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
-        let (entries, origin) = (lists.entries_of(tile), lists.grid.origin(tile));
-        arch.dispatch(CompositeTile { footprints: &lists.footprints, entries, origin, planes, opaque });
+        let (intersections, origin) = (lists.intersections_of(tile), lists.grid.origin(tile));
+        arch.dispatch(CompositeTile { footprints: &lists.footprints, intersections, origin, planes, opaque });
     });
     tiles
 }
@@ -33,7 +33,7 @@ pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
 pub(super) struct CompositeTile<'a> {
     pub(super) footprints: &'a [Footprint],
     /// Indices into `footprints`, nearest first.
-    pub(super) entries: &'a [u32],
+    pub(super) intersections: &'a [u32],
     /// Pixel (x, y) of the tile's upper left corner.
     pub(super) origin: [usize; 2],
     /// `[PLANES, TILE_PIXELS]` to fill; zeros.
@@ -47,13 +47,13 @@ impl WithSimd for CompositeTile<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { footprints, entries, origin, planes, opaque } = self;
+        let Self { footprints, intersections, origin, planes, opaque } = self;
         planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
         planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
         let broadcast = Broadcast::new(simd);
         let vectors = S::as_mut_simd_f32s(planes).0;
-        for (position, &entry) in entries.iter().enumerate() {
-            let footprint = &footprints[entry as usize];
+        for (position, &intersection) in intersections.iter().enumerate() {
+            let footprint = &footprints[intersection as usize];
             blend(simd, &broadcast, vectors, footprint, (&origin, opaque), position as f32);
             if position % CHECK_EVERY == CHECK_EVERY - 1 && all_ended(simd, vectors) {
                 break;

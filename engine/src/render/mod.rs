@@ -5,7 +5,7 @@
 //! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
-//! `foresee` tells how much the lists of a view will hold before they are made.
+//! `memory_estimate` tells how much the lists of a view will hold before they are made.
 //!
 //! Interventions: `branch` (sets that differ in some Gaussians share their projections), `patch` (what one Gaussian changes, by its
 //! tiles alone), `blended` (maps summed under every Gaussian's blending weights).
@@ -19,10 +19,10 @@ mod backward;
 mod blended;
 mod branch;
 mod effects;
-mod foresee;
 mod forward;
 mod halving;
 mod lanes;
+mod memory_estimate;
 mod patch;
 mod project;
 mod project_backward;
@@ -34,9 +34,9 @@ pub use blended::{MAPS, blended_sums};
 pub use branch::Projection;
 use constants::TILE_PIXELS;
 pub use effects::{Effect, PixelCosts, effects};
-pub use foresee::{Pass, Probes};
 use forward::{PLANES, STOP};
 pub use halving::{halving, longest_axes};
+pub use memory_estimate::{MemoryEstimate, Pass};
 pub(crate) use patch::crop;
 pub use patch::{Patch, Redraw};
 use tiles::TileLists;
@@ -105,9 +105,9 @@ impl RenderedWithState {
         &self.planes_of(tile)[STOP * TILE_PIXELS..]
     }
 
-    /// Number of pairs of a Gaussian and a tile that it can reach.
+    /// Number of intersections of a Gaussian and a tile that it can reach.
     pub fn num_intersections(&self) -> usize {
-        self.lists.entries.len()
+        self.lists.intersections.len()
     }
 }
 

@@ -40,9 +40,9 @@ impl<'a> Redraw<'a> {
         let lists = &self.state.lists;
         let mut tiles = Vec::new();
         push_tiles(&lists.footprints[place as usize], self.view, lists.grid, &mut tiles);
-        self.patch(&tiles, |entries| {
-            let kept = entries.iter().filter(|&&entry| entry != place);
-            kept.map(|&entry| lists.footprints[entry as usize]).collect()
+        self.patch(&tiles, |intersections| {
+            let kept = intersections.iter().filter(|&&intersection| intersection != place);
+            kept.map(|&intersection| lists.footprints[intersection as usize]).collect()
         })
     }
 
@@ -52,8 +52,9 @@ impl<'a> Redraw<'a> {
         let new = Projector::new(self.view).footprint(splat, u32::MAX)?;
         let mut tiles = Vec::new();
         push_tiles(&new, self.view, lists.grid, &mut tiles);
-        self.patch(&tiles, |entries| {
-            let mut list: Vec<Footprint> = entries.iter().map(|&entry| lists.footprints[entry as usize]).collect();
+        self.patch(&tiles, |intersections| {
+            let mut list: Vec<Footprint> =
+                intersections.iter().map(|&intersection| lists.footprints[intersection as usize]).collect();
             list.insert(list.partition_point(|old| old.is_before(&new)), new);
             list
         })
@@ -68,17 +69,15 @@ impl<'a> Redraw<'a> {
         for &tile in tiles {
             let tile = tile as usize;
             let origin = lists.grid.origin(tile);
-            let footprints = list_of(lists.entries_of(tile));
-            let entries: Vec<u32> = (0..).take(footprints.len()).collect();
+            let footprints = list_of(lists.intersections_of(tile));
+            let intersections: Vec<u32> = (0..).take(footprints.len()).collect();
             let mut planes = vec![0.0; PLANES * TILE_PIXELS];
-            let opaque = TRANSMITTANCE_MIN;
-            let planes_of = &mut planes;
             arch.dispatch(CompositeTile {
                 footprints: &footprints,
-                entries: &entries,
+                intersections: &intersections,
                 origin,
-                planes: planes_of,
-                opaque,
+                planes: &mut planes,
+                opaque: TRANSMITTANCE_MIN,
             });
             let old = &self.state.tiles[tile * PLANES * TILE_PIXELS..][..PLANES * TILE_PIXELS];
             bounds.add_changes(old, &planes, origin, [self.view.width, self.view.height]);

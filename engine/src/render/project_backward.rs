@@ -21,10 +21,11 @@ pub(super) fn gradients(
         .into_par_iter()
         .with_min_len(1024)
         .map(|v| {
-            let slots = &lists.slots[lists.first_slot[v] as usize..lists.first_slot[v + 1] as usize];
+            let places_of_splats =
+                &lists.places_of_splats[lists.first_of_splat[v] as usize..lists.first_of_splat[v + 1] as usize];
             let mut sums = [0.0_f64; MOMENTS];
-            for &slot in slots {
-                for (sum, &moment) in sums.iter_mut().zip(&moments[slot as usize]) {
+            for &place_of_splat in places_of_splats {
+                for (sum, &moment) in sums.iter_mut().zip(&moments[place_of_splat as usize]) {
                     *sum += f64::from(moment);
                 }
             }

@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 
+use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 
 use super::constants::{TILE_HEIGHT, TILE_WIDTH};
@@ -25,14 +26,14 @@ pub(super) struct TileLists {
     pub(super) grid: TileGrid,
     /// Visible Gaussians, nearest first, ties by index.
     pub(super) footprints: Vec<Footprint>,
-    /// `[num_visible + 1]`: the intersections of visible Gaussian `v` are `slots[first_slot[v]..first_slot[v + 1]]`.
-    pub(super) first_slot: Vec<u32>,
-    /// Positions in `entries`, by Gaussian and tile.
-    pub(super) slots: Vec<u32>,
-    /// `[num_tiles + 1]`: the list of tile `t` is `entries[first_entry[t]..first_entry[t + 1]]`.
-    pub(super) first_entry: Vec<u32>,
+    /// `[num_visible + 1]`: the intersections of visible Gaussian `v` are `places_of_splats[first_of_splat[v]..first_of_splat[v + 1]]`.
+    pub(super) first_of_splat: Vec<u32>,
+    /// Positions in `intersections`, by Gaussian and tile.
+    pub(super) places_of_splats: Vec<u32>,
+    /// `[num_tiles + 1]`: the list of tile `t` is `intersections[first_of_tile[t]..first_of_tile[t + 1]]`.
+    pub(super) first_of_tile: Vec<u32>,
     /// Indices into `footprints`, by tile and depth.
-    pub(super) entries: Vec<u32>,
+    pub(super) intersections: Vec<u32>,
 }
 
 impl TileGrid {
@@ -52,16 +53,21 @@ impl TileGrid {
 
 impl TileLists {
     /// Indices into `footprints` of the Gaussians of a tile, nearest first.
-    pub(super) fn entries_of(&self, tile: usize) -> &[u32] {
-        &self.entries[self.first_entry[tile] as usize..self.first_entry[tile + 1] as usize]
+    pub(super) fn intersections_of(&self, tile: usize) -> &[u32] {
+        &self.intersections[self.first_of_tile[tile] as usize..self.first_of_tile[tile + 1] as usize]
     }
 }
 
 /// Bins footprints that are in depth order, by the tiles that each touches.
-pub(super) fn bin(footprints: Vec<Footprint>, first_slot: Vec<u32>, tiles: Vec<u32>, view: &PinholeView) -> TileLists {
+pub(super) fn bin(
+    footprints: Vec<Footprint>,
+    first_of_splat: Vec<u32>,
+    tiles: Vec<u32>,
+    view: &PinholeView,
+) -> TileLists {
     let grid = TileGrid::of(view);
-    let (first_entry, slots, entries) = by_tile(&first_slot, tiles, grid);
-    TileLists { grid, footprints, first_slot, slots, first_entry, entries }
+    let (first_of_tile, places_of_splats, intersections) = by_tile(&first_of_splat, tiles, grid);
+    TileLists { grid, footprints, first_of_splat, places_of_splats, first_of_tile, intersections }
 }
 
 /// Footprints of the Gaussians that can reach a pixel, nearest first, ties by index; the first Gaussian has index `first`.
@@ -92,31 +98,31 @@ pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Ve
             for footprint in chunk {
                 let before = tiles.len();
                 push_tiles(footprint, view, grid, &mut tiles);
-                counts.push(index32(tiles.len() - before));
+                counts.push(to_u32(tiles.len() - before));
             }
             (counts, tiles)
         })
         .collect();
     let total: usize = pieces.iter().map(|(_, tiles)| tiles.len()).sum();
-    let mut first_slot = Vec::with_capacity(footprints.len() + 1);
+    let mut first_of_splat = Vec::with_capacity(footprints.len() + 1);
     let mut all = Vec::with_capacity(total);
     let mut next = 0;
-    first_slot.push(0);
+    first_of_splat.push(0);
     for (counts, tiles) in pieces {
         for count in counts {
             next += count;
-            first_slot.push(next);
+            first_of_splat.push(next);
         }
         all.extend_from_slice(&tiles);
     }
-    (first_slot, all)
+    (first_of_splat, all)
 }
 
 /// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
 pub(super) fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
     visit_tiles(f, view, |row, columns| {
         let base = row * grid.columns;
-        tiles.extend(columns.map(|column| index32(base + column)));
+        tiles.extend(columns.map(|column| to_u32(base + column)));
     });
 }
 
@@ -181,29 +187,24 @@ pub(super) fn pixel_span(low: f32, high: f32, size: usize) -> Option<(usize, usi
 }
 
 /// Stable counting sort of the intersections by tile.
-fn by_tile(first_slot: &[u32], tiles: Vec<u32>, grid: TileGrid) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
-    let mut first_entry = vec![0_u32; grid.num_tiles() + 1];
+fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, grid: TileGrid) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
+    let mut first_of_tile = vec![0_u32; grid.num_tiles() + 1];
     for &tile in &tiles {
-        first_entry[tile as usize + 1] += 1;
+        first_of_tile[tile as usize + 1] += 1;
     }
     for t in 0..grid.num_tiles() {
-        first_entry[t + 1] += first_entry[t];
+        first_of_tile[t + 1] += first_of_tile[t];
     }
-    let mut next = first_entry.clone();
-    let mut entries = vec![0_u32; tiles.len()];
-    let mut slots = tiles;
-    for (visible, pair) in first_slot.windows(2).enumerate() {
-        for slot in &mut slots[pair[0] as usize..pair[1] as usize] {
-            let place = &mut next[*slot as usize];
-            entries[*place as usize] = index32(visible);
-            *slot = *place;
+    let mut next = first_of_tile.clone();
+    let mut intersections = vec![0_u32; tiles.len()];
+    let mut places_of_splats = tiles;
+    for (visible, pair) in first_of_splat.windows(2).enumerate() {
+        for place_of_splat in &mut places_of_splats[pair[0] as usize..pair[1] as usize] {
+            let place = &mut next[*place_of_splat as usize];
+            intersections[*place as usize] = to_u32(visible);
+            *place_of_splat = *place;
             *place += 1;
         }
     }
-    (first_entry, slots, entries)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "counts of tiles, Gaussians and intersections stay below 2^32")]
-fn index32(value: usize) -> u32 {
-    value as u32
+    (first_of_tile, places_of_splats, intersections)
 }

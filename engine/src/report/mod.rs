@@ -7,7 +7,7 @@ mod metrics;
 mod moving;
 mod pictures;
 
-pub use html::{Page, PageView, document, escape, html};
+pub use html::{Page, PageView, html};
 pub use maps::maps_in_words;
 pub use metrics::{
     BudgetRecord, Config, FIGURES, FigureKind, METRICS_FORMAT, Metrics, NUM_FULL_IMAGE, RoleMeans, ViewRecord,

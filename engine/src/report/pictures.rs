@@ -1,6 +1,7 @@
 //! Pictures of a rendered view: what was drawn, what was true, how far apart they are, how far away things are.
 
 use image::{ImageError, ImageFormat, codecs::jpeg::JpegEncoder, imageops};
+use lgs_formats::casts::to_u32;
 use lgs_formats::image::{PixelLabel, RgbImage, to_byte};
 
 use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
@@ -70,7 +71,7 @@ pub struct Picture {
 
 impl Picture {
     fn new(kind: PictureKind, width: usize, height: usize, colour: impl Fn(usize) -> [u8; 3]) -> Self {
-        let mut pixels = image::RgbImage::new(side(width), side(height));
+        let mut pixels = image::RgbImage::new(to_u32(width), to_u32(height));
         for (i, pixel) in pixels.pixels_mut().enumerate() {
             pixel.0 = colour(i);
         }
@@ -173,11 +174,6 @@ impl Picture {
 /// Relative luminance (Rec. 709 weights).
 fn luminance(rgb: &[f32]) -> f32 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
-}
-
-/// A side of an image in memory, pixels; far below the type's limit.
-fn side(length: usize) -> u32 {
-    u32::try_from(length).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]

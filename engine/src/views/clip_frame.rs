@@ -1,13 +1,14 @@
 //! The frame and the time zero that a reconstruction works in.
 
 use glam::{DMat3, DQuat, DVec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     camera::Camera,
     clip::{CameraRecord, Clip, Frame},
     pose::Pose,
 };
 
-use super::{PinholeView, to_f32};
+use super::PinholeView;
 
 /// Cosine of the angle between the sensor's z axis and what is up for the cameras beyond which the sensor is mounted otherwise: 8 degrees.
 /// Cameras of real rigs are pitched by up to 5.

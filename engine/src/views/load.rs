@@ -76,7 +76,7 @@ pub(crate) fn depth_samples(view: &PinholeView, points: &[[f32; 3]]) -> Result<V
     if u32::try_from(view.num_pixels()).is_err() {
         let found = format!("{}x{}", view.height, view.width);
         return Err(EngineError::Setting {
-            setting: "--image-size",
+            setting: "image-size",
             expected: "fewer than 2^32 pixels".to_owned(),
             found,
         });

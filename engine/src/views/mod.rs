@@ -66,9 +66,3 @@ pub struct View {
     /// Nearest return of each pixel that a return of this frame's sweep projects to, ascending by pixel.
     pub depth_samples: Vec<DepthSample>,
 }
-
-/// The f32 nearest to an f64: the one place where poses and times leave double precision.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
-pub(crate) const fn to_f32(value: f64) -> f32 {
-    value as f32
-}

@@ -67,7 +67,7 @@ pub fn path_views(keys: &[PathKey], lens: &PinholeView, frame: &ClipFrame, froze
     let view = |key: &PathKey| {
         let rows = (frame.clip_from_world * key.world_from_camera).inverse().rows();
         PinholeView {
-            camera_from_clip: std::array::from_fn(|r| rows[r].map(super::to_f32)),
+            camera_from_clip: std::array::from_fn(|r| rows[r].map(lgs_formats::casts::to_f32)),
             time: frozen.unwrap_or_else(|| frame.time(key.timestamp)),
             shutter: None,
             ..*lens

@@ -135,7 +135,7 @@ impl View {
         })
     }
 
-    /// Nothing: the image of an input view, as the camera took it, becomes one of common colours; a held-out one stays as it was taken, and what is
+    /// Makes the image of an input view, as the camera took it, one of common colours; a held-out one stays as it was taken, and what is
     /// drawn for it is shown so.
     pub(crate) fn make_common(&mut self, response: Response) {
         if self.role == Role::Input {

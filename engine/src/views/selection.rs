@@ -49,18 +49,18 @@ impl Selection {
     pub fn frames(&self, clip: &Clip) -> Result<SelectedFrames> {
         let num_frames = clip.frames.len();
         let chosen = match &self.frames {
-            Some(frames) => distinct("--frames", frames, num_frames)?,
+            Some(frames) => distinct("frames", frames, num_frames)?,
             None => (0..num_frames).collect(),
         };
-        let held_out = distinct("--hold-out", &self.hold_out, num_frames)?;
+        let held_out = distinct("hold-out", &self.hold_out, num_frames)?;
         if let Some(stranger) = held_out.iter().find(|frame| !chosen.contains(frame)) {
-            let expected = format!("frames among those of --frames ({})", list(&chosen));
-            return Err(setting("--hold-out", expected, stranger.to_string()));
+            let expected = format!("frames among those of `frames` ({})", list(&chosen));
+            return Err(setting("hold-out", expected, stranger.to_string()));
         }
         let input: Vec<usize> = chosen.difference(&held_out).copied().collect();
         if input.is_empty() {
             let found = format!("{} of {} frames held out", held_out.len(), chosen.len());
-            return Err(setting("--hold-out", "at least one frame left as input".to_owned(), found));
+            return Err(setting("hold-out", "at least one frame left as input".to_owned(), found));
         }
         Ok(SelectedFrames { input, held_out: held_out.into_iter().collect() })
     }
@@ -113,7 +113,7 @@ impl Selection {
             return Ok(images);
         }
         let expected = "an image in an input frame of the clip".to_owned();
-        let setting_name = if self.cameras.is_some() { "--cameras" } else { "--frames" };
+        let setting_name = if self.cameras.is_some() { "cameras" } else { "frames" };
         Err(setting(setting_name, expected, format!("none in {}", list(&frames.input))))
     }
 }
@@ -123,14 +123,14 @@ fn check_cameras(names: &[String], clip: &Clip, frames: &[(usize, Role)]) -> Res
     let known: BTreeSet<&String> = frames.iter().flat_map(of_frame).collect();
     for (i, name) in names.iter().enumerate() {
         if !known.contains(name) {
-            return Err(setting("--cameras", format!("cameras among {}", list(&known)), name.clone()));
+            return Err(setting("cameras", format!("cameras among {}", list(&known)), name.clone()));
         }
         if names[..i].contains(name) {
-            return Err(setting("--cameras", "every camera once".to_owned(), format!("{name} twice")));
+            return Err(setting("cameras", "every camera once".to_owned(), format!("{name} twice")));
         }
     }
     if names.is_empty() {
-        return Err(setting("--cameras", "at least one camera".to_owned(), "none".to_owned()));
+        return Err(setting("cameras", "at least one camera".to_owned(), "none".to_owned()));
     }
     Ok(())
 }

@@ -2,10 +2,11 @@
 
 use std::borrow::Cow;
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 use rayon::prelude::*;
 
-use super::{DepthSample, PinholeView, View, to_f32};
+use super::{DepthSample, PinholeView, View};
 
 /// `views`, each `factor` times smaller in width and height; nothing is copied for a factor of 1.
 pub fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {

@@ -1,9 +1,10 @@
 //! Rolling shutters: when each part of an image is exposed, and where the camera is then.
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{camera_motion::CameraMotion, pose::Pose};
 
-use super::{PinholeView, to_f32};
+use super::PinholeView;
 
 /// How far beyond its image a camera is followed, in readouts.
 const BEYOND: f64 = 0.5;

@@ -132,7 +132,7 @@ impl<'a> Checker<'a> {
         Ok(SensorsRecord { file: self.path(&format!("{at}.file"), json.file)?, lidar_from_sensor })
     }
 
-    /// Nothing, when a width and a height and intrinsics are those of a camera that can be drawn.
+    /// Fails unless a width and a height and intrinsics are those of a camera that can be drawn.
     ///
     /// # Errors
     /// The value that is not, by its key below `at`.

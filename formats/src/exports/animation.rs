@@ -26,7 +26,7 @@ pub struct Film {
     pub rate: f32,
 }
 
-/// Nothing: writes the pictures 0, 1, ... of a film, which repeats for ever, as an animated PNG; one picture is in memory at a time.
+/// Writes the pictures 0, 1, ... of a film, which repeats for ever, as an animated PNG; one picture is in memory at a time.
 ///
 /// # Errors
 /// No picture, one of another size, a path that cannot be written to, and whatever `picture` says.

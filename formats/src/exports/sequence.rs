@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::{
+    casts::{rounded, to_f32, to_u32},
     cloud::SplatCloud,
     error::{FormatError, Result},
     ply::{Higher, write_plain_ply},
@@ -36,19 +37,9 @@ pub fn num_files(span: [f32; 2], rate: f32) -> std::result::Result<u32, String> 
     // a moment that rounding has put just behind the end still counts
     let steps = (length * f64::from(rate) + 1e-3).floor();
     if rate > 0.0 && (0.0..MAX_FILES).contains(&steps) {
-        return Ok(whole(steps) + 1);
+        return Ok(to_u32(rounded(steps)) + 1);
     }
     Err(format!("a positive rate that makes at most {MAX_FILES} files of {length:.3} s"))
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number below MAX_FILES")]
-fn whole(steps: f64) -> u32 {
-    steps as u32
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the purpose")]
-fn to_f32(value: f64) -> f32 {
-    value as f32
 }
 
 #[cfg(test)]

@@ -46,7 +46,7 @@ const NAMES: [&str; 32] = [
 /// Natural logarithm of the temporal width in spans: a splat is there all the time.
 const TRBF_SCALE: f32 = 5.0;
 
-/// Nothing: writes a PLY file with the properties of Spacetime Gaussians. Their clock runs from 0 at `span[0]` to 1 at `span[1]`
+/// Writes a PLY file with the properties of Spacetime Gaussians. Their clock runs from 0 at `span[0]` to 1 at `span[1]`
 /// seconds, so velocities are metres per span.
 ///
 /// # Formula

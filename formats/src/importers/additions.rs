@@ -47,18 +47,18 @@ impl Additions {
         }
         let stem = wanted.first().map_or("FRAME_CAMERA", String::as_str);
         let name = stem.split_once('_').map_or(stem, |(_, name)| name);
-        let missing = |folder: &Path, field: &str, files: String| {
-            Err(FormatError::invalid(
+        let missing = |folder: &Path, setting: &'static str, files: String| {
+            Err(FormatError::unfit(
                 folder,
-                field,
+                setting,
                 format!("files named like the clip's images, such as {files}"),
                 "none",
             ))
         };
         match (&self.masks, &self.depth) {
-            (Some(folder), _) if masks == 0 => missing(folder, "--masks", format!("`{name}.png`")),
+            (Some(folder), _) if masks == 0 => missing(folder, "masks", format!("`{name}.png`")),
             (_, Some(maps_of)) if maps == 0 => {
-                missing(&maps_of.folder, "--depth", format!("`{stem}.png` or `{stem}.npy`"))
+                missing(&maps_of.folder, "depth", format!("`{stem}.png` or `{stem}.npy`"))
             }
             _ => Ok(()),
         }

@@ -211,7 +211,7 @@ fn sensors<'a>(
     let of_name = |name: &String| {
         let row = known.iter().position(|found| found == name);
         let (Some(row), Some(&vehicle_from_camera)) = (row, mounts.get(name)) else {
-            let found = format!("{}: `--cameras` can leave it out", known.join(", "));
+            let found = format!("{}: a choice of cameras can leave it out", known.join(", "));
             return Err(FormatError::invalid(&file, "sensor_name", format!("`{name}`"), found));
         };
         let [fx, fy, cx, cy, width, height] = rows[row];

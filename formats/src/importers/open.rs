@@ -63,7 +63,7 @@ pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
 pub fn open_as(layout: Layout, path: &Path, selection: &Selection) -> Result<ClipDir> {
     if let Some(scene) = selection.scene.as_ref().filter(|_| ![Layout::NuScenes, Layout::Waymo].contains(&layout)) {
         let expected = format!("none: a folder of {layout} holds one scene");
-        return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
+        return Err(FormatError::unfit(path, "scene", expected, format!("`{scene}`")));
     }
     if let Some(other) = Layout::ALL.into_iter().find(|other| !layout.is_of(path) && other.is_of(path)) {
         return Err(FormatError::invalid(
@@ -89,7 +89,7 @@ fn read(layout: Layout, path: &Path, selection: &Selection) -> Result<Source> {
     let unknown = |name: &&String| !source.cameras.contains(name);
     if let Some(unknown) = selection.cameras.iter().flatten().find(unknown) {
         let expected = format!("one of {}", source.cameras.join(", "));
-        return Err(FormatError::invalid(path, "--cameras", expected, format!("`{unknown}`")));
+        return Err(FormatError::unfit(path, "cameras", expected, format!("`{unknown}`")));
     }
     let unknown = |name: &&String| !source.lidars.contains(name);
     if let Some(unknown) = selection.lidars.iter().flatten().find(unknown) {
@@ -143,7 +143,7 @@ fn take_frames(path: &Path, frames: Vec<Result<Frame>>, wanted: &[usize]) -> Res
             (None, Some(frame)) => frame?,
             (None, None) => {
                 let expected = format!("indices below {count}, the number of frames");
-                return Err(FormatError::invalid(path, "--frames", expected, index.to_string()));
+                return Err(FormatError::unfit(path, "frames", expected, index.to_string()));
             }
         };
         taken.push((index, frame));

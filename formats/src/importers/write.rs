@@ -12,10 +12,10 @@ use crate::{
     error::{FormatError, Result},
     image,
     importers::additions::Additions,
-    interrupt::Unfinished,
     read::{MAX_DATA_BYTES, read_file},
     returns::{write_sensors, write_times},
     sweep::{Sweep, write_sweep},
+    unfinished::Unfinished,
     write::write_atomic,
 };
 
@@ -44,7 +44,7 @@ pub fn write_with(source: &ClipDir, out: &Path, additions: &Additions) -> Result
         _ => (holds_something || out.file_name().is_none()).then_some("one that holds something"),
     };
     if let Some(found) = found {
-        return Err(FormatError::invalid(out, "--out", "a new or an empty folder", found));
+        return Err(FormatError::unfit(out, "out", "a new or an empty folder", found));
     }
     fs::create_dir_all(parent).map_err(|e| FormatError::io(parent, "create", e))?;
     let mut builder = tempfile::Builder::new();

@@ -41,7 +41,7 @@ pub(super) fn from_bytes(path: &Path, bytes: &[u8]) -> Result<SplatCloud> {
     })
 }
 
-/// Nothing, when the records that the header announces are there, and nothing else.
+/// Fails unless the records that the header announces are there, and nothing else.
 fn check_length(path: &Path, header: &Header, records: &[u8]) -> Result<()> {
     let Header { count, stride, .. } = *header;
     let expected = u128::from(count) * stride as u128;

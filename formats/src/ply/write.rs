@@ -12,7 +12,7 @@ use crate::{
     write::write_atomic,
 };
 
-/// Nothing: writes the cloud in the layout of [`crate::ply`], so that [`crate::ply::read_ply`] gives it back bit for bit.
+/// Writes the cloud in the layout of [`crate::ply`], so that [`crate::ply::read_ply`] gives it back bit for bit.
 ///
 /// # Errors
 /// Columns of different lengths, a value that is not finite, an extra column whose name is taken or is not one word
@@ -30,7 +30,7 @@ pub enum Higher {
     Zeros,
 }
 
-/// Nothing: writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times, frames or further
+/// Writes the properties alone that every viewer of 3D Gaussian splatting knows: no velocities, times, frames or further
 /// columns.
 ///
 /// # Errors

@@ -9,6 +9,7 @@ use super::TargetsConfig;
 use super::layout::is_clip_name;
 use crate::digest::hexadecimal;
 use crate::error::{FormatError, Result};
+use crate::jobs::{Part, PartManifest};
 use crate::read::{MAX_DATA_BYTES, file_size, read_file};
 use crate::write::write_atomic;
 
@@ -24,16 +25,6 @@ const BLOCK: usize = 1 << 20;
 /// File name of a shard by its place.
 pub fn shard_file(place: usize) -> String {
     format!("targets-{place:05}.safetensors")
-}
-
-/// One share of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Part {
-    /// Which share, from 1.
-    pub index: usize,
-    /// How many shares there are.
-    pub count: usize,
 }
 
 /// A clip of a shard.
@@ -129,7 +120,7 @@ impl Manifest {
         }
     }
 
-    /// Nothing: writes the manifest, atomically.
+    /// Writes the manifest, atomically.
     ///
     /// # Errors
     /// A path that cannot be written to.
@@ -139,12 +130,35 @@ impl Manifest {
         write_atomic(path, (text + "\n").as_bytes())
     }
 
-    /// Nothing: every shard in the manifest's folder has the size and the SHA-256 that the manifest says.
+    /// Fails unless every shard in the manifest's folder has the size and the SHA-256 that the manifest says.
     ///
     /// # Errors
     /// The first shard that has not, by its name.
     pub fn verify(&self, folder: &Path) -> Result<()> {
         self.shards.iter().try_for_each(|shard| shard.verify(folder))
+    }
+}
+
+impl PartManifest for Manifest {
+    fn read(path: &Path) -> Result<Self> {
+        Self::read(path)
+    }
+
+    fn part(&self) -> Option<Part> {
+        self.part
+    }
+
+    fn key(&self) -> String {
+        serde_json::to_string(&self.config).unwrap_or_default()
+    }
+
+    fn items(&self) -> &[String] {
+        &self.clips
+    }
+
+    fn times_tried(&self, item: &str) -> usize {
+        let done = self.shards.iter().flat_map(|shard| &shard.clips).filter(|record| record.clip == item).count();
+        done + self.failed.iter().filter(|failed| failed.clip == item).count()
     }
 }
 
@@ -158,7 +172,7 @@ impl ShardRecord {
         Ok(Self { bytes: file_size(&path, MAX_DATA_BYTES)?, sha256: sha256_of(&path)?, file, clips })
     }
 
-    /// Nothing: the file has the size and the SHA-256 that the record says.
+    /// Fails unless the file has the size and the SHA-256 that the record says.
     ///
     /// # Errors
     /// When it has not.

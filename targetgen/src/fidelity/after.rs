@@ -3,8 +3,8 @@
 //! Actions that stand far from each other in every view are tried in one optimisation: a pixel's change belongs to the action that is
 //! nearest to it in the image. The loss is a sum over pixels, and a few steps reach no further than a few Gaussians' widths.
 
-use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::gaussians::physical::{Splat, to_physical};
+use lgs_engine::gaussians::{Branch, GaussianSet};
 use lgs_engine::loss::{LossCounts, LossMap, loss_map};
 use lgs_engine::refine::adam::{AdamRates, adam};
 use lgs_engine::render::render;
@@ -78,7 +78,7 @@ fn without(set: &GaussianSet, sample: &Sample, group: &[usize]) -> GaussianSet {
 }
 
 fn with(set: &GaussianSet, sample: &Sample, group: &[usize]) -> GaussianSet {
-    let [lidar, background] = [0..set.num_lidar, set.num_lidar..set.len()].map(Iterator::collect::<Vec<_>>);
+    let [lidar, background] = [Branch::Lidar, Branch::Background].map(|branch| set.rows(branch).collect::<Vec<_>>());
     let mut with = set.select(&lidar, set.num_lidar + group.len());
     with.append(&sample.copies.select(group, group.len()));
     with.append(&set.select(&background, 0));

@@ -9,8 +9,8 @@ mod table;
 pub use after::{AfterSettings, after};
 pub use at_once::at_once;
 pub use rank::{Correlation, rank_correlation, sign_agreement};
-pub use sample::{Measured, SIGNALS, Sample, SignalName};
-pub use table::{Row, pairs, pictures, rows, table};
+pub use sample::{SIGNALS, Sample, SignalDeltas, SignalName};
+pub use table::{CorrelationRow, pairs, pictures, rows, table};
 
 /// What single actions did to the loss; negative where they helped.
 #[derive(Clone, Debug, Default, PartialEq)]

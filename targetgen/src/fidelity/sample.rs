@@ -53,7 +53,7 @@ impl SignalName {
 
 /// What one signal says of the sampled primitives.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
+pub struct SignalDeltas {
     /// The signal.
     pub signal: SignalName,
     /// `[M]` deltas of taking the primitive out.
@@ -72,7 +72,7 @@ pub struct Sample {
     /// `[M]` sums of their blending weights over all views, pixels.
     pub visible_px: Vec<f64>,
     /// What the signals say.
-    pub signals: Vec<Measured>,
+    pub signals: Vec<SignalDeltas>,
 }
 
 impl Sample {
@@ -103,12 +103,12 @@ impl Sample {
         drawn.sort_unstable();
         drawn.truncate(size);
         if drawn.len() < 4 {
-            return Err(TargetError::setting("CLIP", "4 primitives with targets or more", drawn.len().to_string()));
+            return Err(TargetError::unfit("CLIP", "4 primitives with targets or more", drawn.len().to_string()));
         }
         let places: Vec<usize> = drawn.into_iter().map(|(_, k)| k).collect();
         let chosen: Vec<usize> = places.iter().map(|&k| by_signal[0].index[k] as usize).collect();
         let pick = |deltas: &[Option<f64>]| places.iter().filter_map(|&k| deltas[k]).collect();
-        let measured = |(&signal, deltas): (&SignalName, &Deltas)| Measured {
+        let measured = |(&signal, deltas): (&SignalName, &Deltas)| SignalDeltas {
             signal,
             prune: pick(&deltas.actions.prune),
             add: pick(&deltas.actions.add),
@@ -125,7 +125,7 @@ impl Sample {
     pub fn first(&self, size: usize) -> Self {
         let size = size.min(self.chosen.len());
         let cut = |values: &[f64]| values[..size].to_vec();
-        let measured = |m: &Measured| Measured { signal: m.signal, prune: cut(&m.prune), add: cut(&m.add) };
+        let measured = |m: &SignalDeltas| SignalDeltas { signal: m.signal, prune: cut(&m.prune), add: cut(&m.add) };
         Self {
             chosen: self.chosen[..size].to_vec(),
             copies: self.copies.select(&(0..size).collect::<Vec<_>>(), size),

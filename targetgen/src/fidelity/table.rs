@@ -2,14 +2,14 @@
 
 use std::fmt::Write;
 
+use lgs_pages::{Range, csv, scatter};
 use serde::Serialize;
 
 use super::{Correlation, Effects, Sample, rank_correlation, sign_agreement};
-use crate::picture::{Axis, scatter};
 
 /// One signal against the truth, for one action.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct CorrelationRow {
     /// The signal and its normalisation.
     pub signal: &'static str,
     /// `prune` or `add`.
@@ -27,13 +27,13 @@ pub struct Row {
 }
 
 /// Every signal and action.
-pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
+pub fn rows(sample: &Sample, effects: &Effects) -> Vec<CorrelationRow> {
     let mut rows = Vec::new();
     for measured in &sample.signals {
         for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
         {
             let Correlation { value, error } = rank_correlation(delta, truth);
-            rows.push(Row {
+            rows.push(CorrelationRow {
                 signal: measured.signal.name(),
                 action,
                 count: delta.len(),
@@ -48,7 +48,7 @@ pub fn rows(sample: &Sample, effects: &Effects) -> Vec<Row> {
 }
 
 /// The rows as text.
-pub fn table(title: &str, rows: &[Row]) -> String {
+pub fn table(title: &str, rows: &[CorrelationRow]) -> String {
     let mut text = format!(
         "{title}\n  {:<20} {:<6} {:>5}  {:>14}  {:>5}  {:>7}\n",
         "signal", "action", "n", "rank corr.", "sign", "helpful"
@@ -72,19 +72,18 @@ pub fn table(title: &str, rows: &[Row]) -> String {
 
 /// One line per tried primitive: its index, the true change of the loss by each action, the pixels that it shows, what every signal says.
 pub fn pairs(sample: &Sample, effects: &Effects) -> String {
-    let mut text = String::from("primitive,visible_px,effect_prune,effect_add");
+    let mut head = ["primitive", "visible_px", "effect_prune", "effect_add"].map(str::to_owned).to_vec();
     for measured in &sample.signals {
         let key = measured.signal.key();
-        text += &format!(",prune-{key},add-{key}");
+        head.extend([format!("prune-{key}"), format!("add-{key}")]);
     }
-    for (k, primitive) in sample.chosen.iter().enumerate() {
-        let (prune, add) = (effects.prune[k], effects.add[k]);
-        text += &format!("\n{primitive},{:e},{prune:e},{add:e}", sample.visible_px[k]);
-        for measured in &sample.signals {
-            text += &format!(",{:e},{:e}", measured.prune[k], measured.add[k]);
-        }
-    }
-    text + "\n"
+    let lines = sample.chosen.iter().enumerate().map(|(k, primitive)| {
+        let values = [sample.visible_px[k], effects.prune[k], effects.add[k]];
+        let signals = sample.signals.iter().flat_map(|measured| [measured.prune[k], measured.add[k]]);
+        let texts = values.into_iter().chain(signals).map(|value| format!("{value:e}"));
+        std::iter::once(primitive.to_string()).chain(texts).collect()
+    });
+    csv(&head.iter().map(String::as_str).collect::<Vec<_>>(), lines)
 }
 
 /// A scatter plot of every signal and action: name of its file, content.
@@ -94,11 +93,11 @@ pub fn pictures(title: &str, sample: &Sample, effects: &Effects) -> Vec<(String,
         for (action, delta, truth) in [("prune", &measured.prune, &effects.prune), ("add", &measured.add, &effects.add)]
         {
             let (x, y) = (spread(delta), spread(truth));
-            let x = Axis { name: "delta (signal)", low: -x, high: x };
-            let y = Axis { name: "change of the loss", low: -y, high: y };
+            let x = Range { name: "delta (signal)", low: -x, high: x };
+            let y = Range { name: "change of the loss", low: -y, high: y };
             let points: Vec<[f64; 2]> = delta.iter().zip(truth).map(|(&delta, &truth)| [delta, truth]).collect();
             let signal = measured.signal;
-            let svg = scatter(&format!("{action}: {}, {title}", signal.name()), &x, &y, &points);
+            let svg = scatter(&format!("{action}: {}, {title}", signal.name()), [x, y], &points);
             pictures.push((format!("{action}-{}.svg", signal.key()), svg));
         }
     }

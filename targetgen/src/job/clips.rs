@@ -39,7 +39,7 @@ pub fn find_clips(arguments: &[PathBuf]) -> Result<Vec<JobClip>> {
         }
     }
     if paths.is_empty() {
-        return Err(TargetError::setting("CLIPS", "at least one clip", "none"));
+        return Err(TargetError::unfit("CLIPS", "at least one clip", "none"));
     }
     Ok(named(paths))
 }
@@ -54,7 +54,7 @@ fn of_folder(folder: &Path) -> Result<Vec<PathBuf>> {
     clips.sort();
     if clips.is_empty() {
         let found = format!("{} with no {CLIP_FILE} in it or in a folder of it", folder.display());
-        return Err(TargetError::setting("CLIPS", "a clip directory, a folder of them or a list file", found));
+        return Err(TargetError::unfit("CLIPS", "a clip directory, a folder of them or a list file", found));
     }
     Ok(clips)
 }

@@ -7,16 +7,12 @@
 mod clips;
 mod merge;
 mod pack;
-mod part;
 mod retarget;
 mod run;
-mod shares;
 mod store;
 
 pub use clips::{JobClip, find_clips};
 pub use merge::merge;
-pub use part::choose_part;
 pub use retarget::retarget;
-pub use run::{Event, Job, Outcome, run};
-pub use shares::{SHARES_FILE, Shares};
-pub use store::{CLIP_FOLDER, part_file};
+pub use run::{Event, Outcome, TargetJob, run};
+pub use store::CLIP_FOLDER;

@@ -1,16 +1,16 @@
 //! A run: every clip of this share that is not done yet, then the shards.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use lgs_engine::network::model::Model;
-use lgs_formats::targets::{
-    ClipRecord, EncodedClip, FailedClip, Manifest, Part, ShardRecord, TARGETS_FORMAT, TargetsConfig,
-};
+use lgs_formats::jobs::{FailedItem, ItemEvent, Items, Part, Tried, part_file, try_items};
+use lgs_formats::targets::{ClipRecord, EncodedClip, FailedClip, Manifest, ShardRecord, TARGETS_FORMAT, TargetsConfig};
 
 use super::clips::JobClip;
 use super::pack::{Plan, pack};
-use super::store::{CLIP_FOLDER, Store, part_file};
+use super::store::{CLIP_FOLDER, Store};
 use crate::error::{Result, TargetError};
 use crate::generate::{Seconds, generate, lap, num_passes};
 use crate::sample::clip_seed;
@@ -18,7 +18,7 @@ use crate::scene::load_scene;
 
 /// A job, or one share of it.
 #[derive(Clone, Debug)]
-pub struct Job<'a> {
+pub struct TargetJob<'a> {
     /// Every clip of the job.
     pub clips: &'a [JobClip],
     /// Which share this is; `None` for all of it.
@@ -55,7 +55,7 @@ pub enum Event<'a> {
         seconds: f64,
     },
     /// A clip failed.
-    Failed(&'a FailedClip),
+    Failed(&'a FailedItem),
     /// All clips were tried; the shards are being packed.
     Packing,
 }
@@ -80,13 +80,11 @@ pub struct Outcome {
 /// # Errors
 /// A folder that holds something else, and one that cannot be written to: what was done stays, and a later run with `resume` goes on. A
 /// clip that fails is no error: the manifest says so.
-pub fn run(job: &Job<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome> {
-    let own: Vec<&JobClip> = match job.part {
-        None => job.clips.iter().collect(),
-        Some(part) => job.clips.iter().skip(part.index - 1).step_by(part.count).collect(),
-    };
+pub fn run(job: &TargetJob<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome> {
+    let clips: Vec<String> = job.clips.iter().map(|clip| clip.name.clone()).collect();
+    let items = Items { all: &clips, part: job.part, resume: job.resume };
     let mut store = Store::open(&job.out, &job.config)?;
-    let names: Vec<&str> = own.iter().map(|clip| clip.name.as_str()).collect();
+    let own = items.own();
     if job.resume {
         // A manifest that is there vouches for its shards: they are checked before anything builds on them.
         store.manifest()?;
@@ -94,48 +92,47 @@ pub fn run(job: &Job<'_>, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome> {
             store.sweep()?;
         }
     } else {
-        store.expect_empty(&names, job.part)?;
+        store.expect_empty(&own, job.part)?;
     }
-    let mut todo = Vec::with_capacity(own.len());
-    for clip in &own {
-        if !(job.resume && store.has(&clip.name)?) {
-            todo.push(*clip);
+    let (mut seconds, mut passes) = (Seconds::default(), 0);
+    // Primitives of the clip that was made last, and seconds so far.
+    let last = Cell::new((0, 0.0));
+    let mut make = |name: &str| {
+        let clip = job.clips.iter().find(|clip| clip.name == name).ok_or_else(|| unknown(name))?;
+        let (encoded, views) = one(job, clip, &mut seconds)?;
+        passes += num_passes(&job.config, views);
+        last.set((encoded.dims.primitives, seconds.total()));
+        Ok::<_, TargetError>(encoded)
+    };
+    let told = &mut |event: ItemEvent<'_>| match event {
+        ItemEvent::Start { todo, done } => tell(Event::Start { todo, done }),
+        ItemEvent::Done(clip) => {
+            let (primitives, seconds) = last.get();
+            tell(Event::Done { clip, primitives, seconds });
         }
-    }
-    let done_before = own.len() - todo.len();
-    tell(Event::Start { todo: todo.len(), done: done_before });
-    let (mut seconds, mut passes, mut failed) = (Seconds::default(), 0, Vec::new());
-    for clip in &todo {
-        match one(job, clip, &mut seconds) {
-            Ok((encoded, views)) => {
-                let mut clock = Instant::now();
-                store.put(&clip.name, &encoded)?;
-                lap(&mut clock, &mut seconds.write);
-                passes += num_passes(&job.config, views);
-                tell(Event::Done { clip: &clip.name, primitives: encoded.dims.primitives, seconds: seconds.total() });
-            }
-            Err(error) => {
-                let reason = error.to_string();
-                failed.push(FailedClip { clip: clip.name.clone(), reason });
-                failed.last().into_iter().for_each(|failed| tell(Event::Failed(failed)));
-            }
-        }
-    }
+        ItemEvent::Failed(failed) => tell(Event::Failed(failed)),
+    };
+    let Tried { done_now, done_before, failed } = try_items(&mut store, &items, &mut make, told)?;
+    let failed: Vec<FailedClip> =
+        failed.into_iter().map(|FailedItem { item: clip, reason }| FailedClip { clip, reason }).collect();
+    seconds.write += store.write_s;
     tell(Event::Packing);
-    let done_now = todo.len() - failed.len();
     let mut clock = Instant::now();
-    let clips: Vec<String> = job.clips.iter().map(|clip| clip.name.clone()).collect();
     let plan = Plan { config: &job.config, clips: &clips, failed: &failed, shard_bytes: job.shard_bytes };
     let manifest = match job.part {
         None => pack(&mut store, &plan)?,
-        Some(part) => finish_part(&store, &plan, &names, part)?,
+        Some(part) => finish_part(&store, &plan, &own, part)?,
     };
     lap(&mut clock, &mut seconds.write);
     Ok(Outcome { manifest, done_now, done_before, seconds, passes })
 }
 
+fn unknown(name: &str) -> TargetError {
+    TargetError::unfit("CLIPS", "a clip of the job", name)
+}
+
 /// The targets of one clip and the number of its views.
-fn one(job: &Job<'_>, clip: &JobClip, seconds: &mut Seconds) -> Result<(EncodedClip, usize)> {
+fn one(job: &TargetJob<'_>, clip: &JobClip, seconds: &mut Seconds) -> Result<(EncodedClip, usize)> {
     let mut clock = Instant::now();
     let scene = load_scene(&clip.path, &job.config, job.model)?;
     lap(&mut clock, &mut seconds.scene);
@@ -153,7 +150,7 @@ fn finish_part(store: &Store, plan: &Plan<'_>, own: &[&str], part: Part) -> Resu
     for &clip in own.iter().filter(|clip| !plan.failed.iter().any(|failed| failed.clip == **clip)) {
         let Some(encoded) = store.clip(clip)? else {
             let found = "shards that were packed already: the parts are merged".to_owned();
-            return Err(TargetError::setting("--part", "a folder whose parts are not merged yet", found));
+            return Err(TargetError::unfit("part", "a folder whose parts are not merged yet", found));
         };
         let record = ClipRecord {
             clip: clip.to_owned(),

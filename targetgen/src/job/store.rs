@@ -3,21 +3,16 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use lgs_formats::error::FormatError;
-use lgs_formats::targets::{
-    EncodedClip, MANIFEST_FILE, Manifest, Part, Shard, TargetsConfig, WrittenShard, write_shard,
-};
+use lgs_formats::jobs::{ItemStore, Part, part_file, remove_unfinished};
+use lgs_formats::targets::{EncodedClip, MANIFEST_FILE, Manifest, Shard, TargetsConfig, WrittenShard, write_shard};
 
 use crate::error::{Result, TargetError};
 
 /// Folder of the shards of one clip each.
 pub const CLIP_FOLDER: &str = "clips";
-
-/// File name of a part's manifest.
-pub fn part_file(part: Part) -> String {
-    format!("part-{}-of-{}.json", part.index, part.count)
-}
 
 /// A job's folder.
 #[derive(Debug)]
@@ -26,6 +21,8 @@ pub(super) struct Store {
     config: TargetsConfig,
     /// Names of the clips of every packed shard that is there, by its place.
     pub(super) shards: BTreeMap<usize, Vec<String>>,
+    /// Seconds that it took to keep what was made of clips.
+    pub(super) write_s: f64,
 }
 
 fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> TargetError {
@@ -54,7 +51,8 @@ impl Store {
     pub(super) fn open(folder: &Path, config: &TargetsConfig) -> Result<Self> {
         let clips = folder.join(CLIP_FOLDER);
         fs::create_dir_all(&clips).map_err(io(&clips, "create"))?;
-        let mut store = Self { folder: folder.to_owned(), config: config.clone(), shards: BTreeMap::new() };
+        let mut store =
+            Self { folder: folder.to_owned(), config: config.clone(), shards: BTreeMap::new(), write_s: 0.0 };
         for path in entries(folder)? {
             let place = file_name(&path).strip_prefix("targets-").and_then(|name| name.strip_suffix(".safetensors"));
             if let Some(place) = place.and_then(|place| place.parse().ok()) {
@@ -65,7 +63,7 @@ impl Store {
         Ok(store)
     }
 
-    /// Nothing: the folder holds nothing of the clips yet.
+    /// Fails where the folder holds something of the clips already.
     pub(super) fn expect_empty(&self, clips: &[&str], part: Option<Part>) -> Result<()> {
         let mut ours = vec![self.folder.join(MANIFEST_FILE)];
         ours.extend(part.map(|part| self.folder.join(part_file(part))));
@@ -74,20 +72,15 @@ impl Store {
         match ours.into_iter().find(|path| path.exists()) {
             None => Ok(()),
             Some(path) => {
-                Err(TargetError::setting("--out", "an empty folder, or --resume to go on", path.display().to_string()))
+                Err(TargetError::unfit("out", "an empty folder, or `resume` to go on", path.display().to_string()))
             }
         }
     }
 
     /// Takes away what an interrupted write left.
     pub(super) fn sweep(&self) -> Result<()> {
-        for path in entries(&self.folder)?.into_iter().chain(entries(&self.folder.join(CLIP_FOLDER))?) {
-            let name = file_name(&path);
-            if name.starts_with(".lgs-") && name.ends_with(".part") {
-                fs::remove_file(&path).map_err(io(&path, "remove"))?;
-            }
-        }
-        Ok(())
+        remove_unfinished(&self.folder)?;
+        Ok(remove_unfinished(&self.folder.join(CLIP_FOLDER))?)
     }
 
     pub(super) fn clip_path(&self, clip: &str) -> PathBuf {
@@ -120,11 +113,6 @@ impl Store {
         }
         shard.clip(clip)?;
         Ok(shard.encoded(0))
-    }
-
-    /// Whether a clip is done.
-    pub(super) fn has(&self, clip: &str) -> Result<bool> {
-        Ok(self.shards.values().flatten().any(|name| name == clip) || self.clip(clip)?.is_some())
     }
 
     /// Writes the shard of one clip.
@@ -170,5 +158,21 @@ impl Store {
         let manifest = Manifest::read(&path)?;
         manifest.verify(&self.folder)?;
         Ok(Some(manifest))
+    }
+}
+
+impl ItemStore for Store {
+    type Made = EncodedClip;
+    type Error = TargetError;
+
+    fn has(&self, clip: &str) -> Result<bool> {
+        Ok(self.shards.values().flatten().any(|name| name == clip) || self.clip(clip)?.is_some())
+    }
+
+    fn keep(&mut self, clip: &str, encoded: EncodedClip) -> Result<()> {
+        let start = Instant::now();
+        self.put(clip, &encoded)?;
+        self.write_s += start.elapsed().as_secs_f64();
+        Ok(())
     }
 }

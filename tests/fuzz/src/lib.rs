@@ -14,7 +14,7 @@ thread_local! {
     static STAGE: std::cell::OnceCell<Stage> = const { std::cell::OnceCell::new() };
 }
 
-/// Nothing: the target of this name has read the input, or said what is wrong with it.
+/// Gives the input to the target of this name, which reads it or says what is wrong with it.
 ///
 /// # Panics
 /// When there is no such target, its good folder cannot be made, or the target breaks a promise.

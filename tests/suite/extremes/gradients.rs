@@ -6,7 +6,7 @@ use lgs_engine::loss::LossWeights;
 use lgs_engine::network::guide::{Guide, refine_rows};
 use lgs_engine::objective::{Wanted, objective_with};
 use lgs_engine::refine::adam::{AdamRates, adam};
-use lgs_engine::refine::{refine, silence};
+use lgs_engine::refine::{refine, zero_non_finite};
 use lgs_engine::render::reference::{self, fragile_pixels};
 use lgs_engine::render::{backward, render_for_gradient};
 use lgs_tests::Outcome;
@@ -236,7 +236,7 @@ fn silenced() -> Outcome {
     let mut spoilt = plain.clone();
     spoilt.attributes[3][13] = f32::NAN;
     spoilt.velocities[11][2] = f32::NEG_INFINITY;
-    let count = silence(&mut spoilt);
+    let count = zero_non_finite(&mut spoilt);
     let mut want = plain;
     for i in [3, 11] {
         (want.attributes[i], want.velocities[i]) = ([0.0; 14], [0.0; 3]);

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use lgs_engine::gaussians::physical::Splat;
-use lgs_engine::render::{Pass, Probes};
+use lgs_engine::render::{MemoryEstimate, Pass};
 use lgs_engine::views::PinholeView;
 use lgs_formats::targets::{MANIFEST_FILE, Manifest};
 use lgs_tests::process::{binary, run};
@@ -81,13 +81,13 @@ fn square(side: usize) -> PinholeView {
 }
 
 fn too_many_tiles() -> Outcome {
-    let probes = Probes::of_splats(&covering(2000));
-    probes.check([&AHEAD], Pass::Gradient).map_err(failed)?;
-    let Err(error) = probes.check([&AHEAD, &square(50_000)], Pass::Images) else {
+    let estimate = MemoryEstimate::of_splats(&covering(2000));
+    estimate.check([&AHEAD], Pass::Gradient).map_err(failed)?;
+    let Err(error) = estimate.check([&AHEAD, &square(50_000)], Pass::Images) else {
         return Err("it was not refused".into());
     };
     let message = error.to_string();
-    ensure(message.starts_with("--image-size: expected") && message.contains("2^32"), || message)
+    ensure(message.starts_with("image-size: expected") && message.contains("2^32"), || message)
 }
 
 fn targets_beyond() -> Outcome {
@@ -97,7 +97,7 @@ fn targets_beyond() -> Outcome {
     let finished = limited("-v 3000000", "lgs-targetgen", &flags, place.path())?;
     ensure(finished.code == Some(1), || format!("exit {:?}: {}", finished.code, finished.stderr))?;
     let manifest = Manifest::read(&place.path().join("out").join(MANIFEST_FILE)).map_err(failed)?;
-    let named = manifest.failed.first().is_some_and(|clip| clip.reason.starts_with("--image-size: expected"));
+    let named = manifest.failed.first().is_some_and(|clip| clip.reason.starts_with("image-size: expected"));
     ensure(named && manifest.shards.is_empty(), || format!("{manifest:?}"))
 }
 

@@ -211,7 +211,7 @@ fn finite_or_named(weights: &Weights) -> Outcome {
     set.check_finite().map_err(failed)?;
     match said {
         Ok(()) => Ok(()),
-        Err(said) => ensure(said.contains("--weights: expected finite outputs"), || said),
+        Err(said) => ensure(said.contains("weights: expected finite outputs"), || said),
     }
 }
 

@@ -8,7 +8,7 @@ use lgs_tests::{Outcome, case, places};
 use libtest_mimic::Trial;
 
 /// The crates from the lowest layer up; each may use those before it. Nothing may use `tests`.
-const CRATES: [&str; 7] = ["formats", "engine", "targetgen", "train", "sweep", "programs", "tests"];
+const CRATES: [&str; 9] = ["cli", "pages", "formats", "engine", "targetgen", "train", "measure", "programs", "tests"];
 /// What `formats` must do without: it turns bytes into structs, on one thread.
 const NOT_IN_FORMATS: [&str; 3] = ["candle-core", "candle-nn", "rayon"];
 

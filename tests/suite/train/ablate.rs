@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 
 use lgs_engine::densify::Limit;
 use lgs_engine::network::source::{LoadedModel, load_model};
+use lgs_measure::ablate::job::{AblationJob, Hashed, Observer};
+use lgs_measure::ablate::record::ClipRecord;
+use lgs_measure::ablate::settings::Settings;
+use lgs_measure::ablate::ways::names;
+use lgs_measure::clips::Choice;
 use lgs_tests::process::{binary, run};
 use lgs_tests::weights::{Heads, SMALL, Weights};
 use lgs_tests::{Outcome, case, clips, metrics};
-use lgs_train::ablate::choice::Choice;
-use lgs_train::ablate::job::{Hashed, Job, Observer};
-use lgs_train::ablate::record::ClipRecord;
-use lgs_train::ablate::settings::Settings;
-use lgs_train::ablate::ways::names;
 use lgs_train::ship::{CardSource, card, weights};
 use lgs_train::stages::weights::Precision;
 use libtest_mimic::{Failed, Trial};
@@ -63,10 +63,10 @@ impl Place {
         self.dir.path().join("w.safetensors")
     }
 
-    fn job(&self, adam: &[usize]) -> Result<Job<'_>, Failed> {
+    fn job(&self, adam: &[usize]) -> Result<AblationJob<'_>, Failed> {
         let text = format!("{};hold-out=1;frames=3;image-size=48x80", clips::street().display());
         let choice: Choice = text.parse().map_err(failed)?;
-        Ok(Job {
+        Ok(AblationJob {
             scenes: vec![choice.clone()],
             clips: vec![choice],
             model: Hashed { value: &self.loaded.model, sha256: &self.loaded.digest },
@@ -130,7 +130,7 @@ fn figures_are_those_of_inference() -> Outcome {
         return Err(format!("velocities {:?}", record.velocity).into());
     }
     let lines = fs::read_to_string(place.dir.path().join("ablation/ablation.csv"))?.lines().count();
-    let curve = place.dir.path().join("ablation/curve.png").is_file();
+    let curve = place.dir.path().join("ablation/curve.svg").is_file();
     // A head, and for each of two clips: the start, the learned steps, 0 to 2 of Adam, two ways.
     let want = 1 + 2 * (1 + record.learned.len() + 3 + 2);
     if lines == want && curve { Ok(()) } else { Err(format!("{lines} lines, want {want}; curve {curve}").into()) }

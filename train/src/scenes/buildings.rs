@@ -6,11 +6,12 @@ use super::{
     config::StreetSpec,
     dice::Dice,
     facade::{Facade, Masonry},
-    material::{Material, colour},
+    material::Material,
     maths::narrow3,
     object::Palette,
     primitive::Part,
     shapes::{Shape, Taper},
+    surface::colour,
 };
 
 /// Wall colours as they look on a screen.
@@ -116,7 +117,7 @@ fn balconies(parts: &mut Vec<Part>, dice: &mut Dice, palette: &mut Palette, plac
 fn facade(street: &StreetSpec, dice: &mut Dice) -> Facade {
     let [r, g, b] = dice.pick(&WALLS);
     let [ar, ag, ab] = dice.pick(&ACCENTS);
-    let scale = super::maths::narrow(street.texture_scale);
+    let scale = super::maths::to_f32(street.texture_scale);
     let masonry = match dice.index(6) {
         0..3 => {
             let length = dice.uniform32(0.34, 0.6) * scale;

@@ -5,6 +5,7 @@
 //! sample is a ray of its own.
 
 use glam::{Mat3, Vec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     image::{PixelLabel, RgbImage},
     pose::Pose,
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 
 use super::{
     ground::Zone,
-    maths::{narrow, narrow_mat, narrow3, sin_cos},
+    maths::{narrow_mat, narrow3, sin_cos},
     rig::{CameraSpec, fisheye_angle},
     shapes::Ray,
     sky::Light,
@@ -99,8 +100,8 @@ impl ImagePlane {
             height: spec.height,
             origin: narrow3(world_from_camera.translation()),
             world_from_camera: narrow_mat(world_from_camera.rotation()),
-            focal: narrow(intrinsics.fx),
-            centre: [narrow(intrinsics.cx), narrow(intrinsics.cy)],
+            focal: to_f32(intrinsics.fx),
+            centre: [to_f32(intrinsics.cx), to_f32(intrinsics.cy)],
             fisheye: spec.fisheye,
         }
     }
@@ -115,8 +116,8 @@ impl ImagePlane {
         let Some(lens) = &self.fisheye else { return Vec3::new(x, y, 1.0) };
         let radius = x.hypot(y);
         let (sin, cos) = sin_cos(fisheye_angle(lens, f64::from(radius)));
-        let across = narrow(sin) / radius.max(f32::MIN_POSITIVE);
-        Vec3::new(across * x, across * y, narrow(cos))
+        let across = to_f32(sin) / radius.max(f32::MIN_POSITIVE);
+        Vec3::new(across * x, across * y, to_f32(cos))
     }
 
     /// Camera-space z at a distance along the ray through image coordinates; NaN behind the camera.

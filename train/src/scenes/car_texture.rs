@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    material::{FacePoint, Surface, Texel, colour, rectangle},
     maths::{hash, mix, smoothstep, unit},
+    surface::{FacePoint, Surface, Texel, colour, rectangle},
     texture::{octaves, pulse, stripes},
 };
 

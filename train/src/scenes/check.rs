@@ -6,7 +6,7 @@ use crate::error::{Result, TrainError};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Range(pub(super) f64, pub(super) f64);
 
-/// Nothing.
+/// Fails for a value out of its range.
 ///
 /// # Errors
 /// `value` is not a number in `range`.

@@ -185,7 +185,7 @@ impl SceneConfig {
         frame as f64 * self.frame_interval_s
     }
 
-    /// Nothing.
+    /// Fails for the first value out of its range.
     ///
     /// # Errors
     /// The first value that is out of its range, by its path.

@@ -1,14 +1,16 @@
 //! People on bicycles.
 
 use glam::{DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
-    maths::{narrow, rotation_x, rotation_y},
+    material::Material,
+    maths::{rotation_x, rotation_y},
     object::{Model, Palette},
     primitive::{MaterialId, Part},
     shapes::Shape,
+    surface::colour,
 };
 
 /// Radius of the wheels (metres).
@@ -33,7 +35,7 @@ pub(crate) fn cyclist(dice: &mut Dice, palette: &mut Palette) -> Model {
     let seat = dice.uniform(0.92, 1.02);
     let mut parts = Vec::new();
     for end in [-1.0, 1.0] {
-        let shape = Shape::Cylinder { radius: narrow(WHEEL), half_height: 0.02 };
+        let shape = Shape::Cylinder { radius: to_f32(WHEEL), half_height: 0.02 };
         let at = DVec3::new(end * AXLE, 0.0, WHEEL);
         parts.push(Part::new(shape, at, rubber).turned(rotation_x(std::f64::consts::FRAC_PI_2)));
     }
@@ -66,6 +68,6 @@ pub(crate) fn cyclist(dice: &mut Dice, palette: &mut Palette) -> Model {
 fn rod(from: DVec3, to: DVec3, radius: f32, material: MaterialId) -> Part {
     let along = to - from;
     let lean = libm::atan2(along.x, along.z);
-    let shape = Shape::Cylinder { radius, half_height: narrow(0.5 * along.length()) };
+    let shape = Shape::Cylinder { radius, half_height: to_f32(0.5 * along.length()) };
     Part::new(shape, (from + to) * 0.5, material).turned(rotation_y(lean))
 }

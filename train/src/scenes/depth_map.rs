@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use lgs_formats::casts::to_f32;
 use lgs_formats::{
     clip::{DepthKind, DepthRecord},
     image::{write_depth_metres, write_depth_png},
@@ -10,7 +11,7 @@ use lgs_formats::{
 use super::{
     camera::Capture,
     dice::Dice,
-    maths::{count, mix, narrow},
+    maths::{count, mix},
 };
 use crate::error::Result;
 
@@ -65,11 +66,11 @@ pub(super) fn write(
 /// Inverse depths (1 / metres) with the errors of [`DepthMaps::Relative`]. `[H, W]`
 fn as_a_network_sees(depth: &[f32], width: usize, dice: &mut Dice) -> Vec<f32> {
     let height = depth.len() / width.max(1);
-    let grid: Vec<f32> = (0..GRID[0] * GRID[1]).map(|_| narrow(dice.uniform(-BIAS, BIAS))).collect();
+    let grid: Vec<f32> = (0..GRID[0] * GRID[1]).map(|_| to_f32(dice.uniform(-BIAS, BIAS))).collect();
     let place = |at: usize, size: usize, cells: usize| {
         let position = (at as f64 + 0.5) / size as f64 * (cells - 1) as f64;
         let low = count(position).min(cells - 2);
-        (low, narrow(position) - low as f32)
+        (low, to_f32(position) - low as f32)
     };
     let of_pixel = |pixel: usize| {
         let (row, column) = (pixel / width, pixel % width);
@@ -84,7 +85,7 @@ fn as_a_network_sees(depth: &[f32], width: usize, dice: &mut Dice) -> Vec<f32> {
         let ((top, down), (left, right)) = (place(row, height, GRID[0]), place(column, width, GRID[1]));
         let line = |y: usize| mix(grid[y * GRID[1] + left], grid[y * GRID[1] + left + 1], right);
         let bias = mix(line(top), line(top + 1), down);
-        sum / number * (1.0 + bias + narrow(NOISE * dice.normal()))
+        sum / number * (1.0 + bias + to_f32(NOISE * dice.normal()))
     };
     (0..depth.len()).map(of_pixel).collect()
 }

@@ -110,7 +110,7 @@ pub fn write(scene: &Scene, dir: &Path, export: &Export, progress: &dyn Fn()) ->
     Ok(written)
 }
 
-/// Nothing, if `dir` may be written: it does not exist, or is an empty directory.
+/// Fails unless `dir` may be written: it does not exist, or is an empty directory.
 ///
 /// # Errors
 /// [`TrainError::NotEmpty`], or the directory cannot be read.

@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    material::{FacePoint, Surface, Texel, colour, openness_above_ground, rectangle},
     maths::{cell, hash, mix, smoothstep, unit},
+    surface::{FacePoint, Surface, Texel, colour, openness_above_ground, rectangle},
     texture::{octaves, pulse, stripes, survives},
 };
 

@@ -1,15 +1,17 @@
 //! Street furniture: lamps, signs, traffic lights, bins, bollards, benches. Fronts look along +x.
 
 use glam::{DMat3, DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
-    maths::{narrow, narrow3},
+    material::Material,
+    maths::narrow3,
     object::Palette,
     primitive::{MaterialId, Part},
     shapes::{Shape, Taper},
     sign_texture::SignFace,
+    surface::colour,
 };
 
 /// Materials that all furniture of a street shares.
@@ -23,7 +25,7 @@ pub(crate) struct Furniture {
 
 /// A pole of `height` at a place on the ground.
 fn pole(at: DVec3, height: f64, radius: f32, material: MaterialId) -> Part {
-    let shape = Shape::Cylinder { radius, half_height: narrow(0.5 * height) };
+    let shape = Shape::Cylinder { radius, half_height: to_f32(0.5 * height) };
     Part::new(shape, at + DVec3::Z * (0.5 * height), material)
 }
 

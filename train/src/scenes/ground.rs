@@ -1,13 +1,14 @@
 //! The ground: carriageway, kerbs and pavements as an exact surface that rays meet, and its looks.
 
 use glam::{Vec2, Vec3};
+use lgs_formats::casts::to_f32;
 
 use super::{
-    material::{Texel, colour},
-    maths::{cell, hash, mix, narrow, smoothstep, unit},
+    maths::{cell, hash, mix, smoothstep, unit},
     road::Road,
     shapes::Ray,
     side_street::SideStreet,
+    surface::{Texel, colour},
     texture::{octaves, pulse, stripes, survives},
 };
 
@@ -51,7 +52,7 @@ impl Ground {
     /// Where a ray that starts above the ground meets it between `t_min` and `t_max`.
     pub(crate) fn intersect(&self, ray: &Ray, t_min: f32, t_max: f32) -> Option<GroundHit> {
         let down = -ray.direction.z;
-        let (kerb, height) = (narrow(self.road.kerb_offset()), narrow(self.road.kerb_height));
+        let (kerb, height) = (to_f32(self.road.kerb_offset()), to_f32(self.road.kerb_height));
         if down <= 0.0 || ray.origin.z <= height {
             return None;
         }
@@ -78,7 +79,7 @@ impl Ground {
 
     /// As [`Self::intersect`], for a ray that comes down from above the kerbs, where a side street has kerbs of its own.
     fn with_side_street(&self, side: SideStreet, ray: &Ray) -> GroundHit {
-        let (kerb, height) = (narrow(self.road.kerb_offset()), narrow(self.road.kerb_height));
+        let (kerb, height) = (to_f32(self.road.kerb_offset()), to_f32(self.road.kerb_height));
         let from_kerbs = |t: f32| {
             let at = ray.at(t).truncate();
             [self.road.offset(at).abs() - kerb, side.outside(&self.road, at)]
@@ -97,7 +98,7 @@ impl Ground {
         let inward = if own < others {
             left * -self.road.offset(at).signum()
         } else {
-            -left.perp() * (narrow(side.s) - self.road.coordinates(at).x).signum()
+            -left.perp() * (to_f32(side.s) - self.road.coordinates(at).x).signum()
         };
         GroundHit { t, normal: Vec3::new(inward.x, inward.y, 0.0), zone: Zone::Kerb }
     }
@@ -132,7 +133,7 @@ impl Ground {
         let grit = octaves(scaled.x, scaled.y, 4.0, 5, w, self.seed ^ 1);
         let mut albedo = self.asphalt * (1.0 + 0.22 * patch + 0.5 * grit);
         // Two dark tracks in each lane, where wheels run.
-        let lane = narrow(self.road.lane_width);
+        let lane = to_f32(self.road.lane_width);
         let in_lane = (d / lane).rem_euclid(1.0) * lane - 0.5 * lane;
         let track = smoothstep(0.45, 0.0, (in_lane.abs() - 0.8).abs());
         albedo *= 1.0 - 0.13 * track * (1.0 + patch);
@@ -146,7 +147,7 @@ impl Ground {
         }
         let vein = octaves(scaled.x, scaled.y, 0.45, 3, w, self.seed ^ 3).abs();
         albedo *= 1.0 - 0.4 * smoothstep(0.022, 0.0, vein) * smoothstep(0.0, 0.25, patch) * survives(9.0, w);
-        let kerb = narrow(self.road.kerb_offset());
+        let kerb = to_f32(self.road.kerb_offset());
         let gutter = if on_side_street { 0.0 } else { smoothstep(kerb - 0.5, kerb, d.abs()) };
         albedo = albedo.lerp(self.asphalt * 0.75, gutter);
         let worn = 0.78 + 0.3 * octaves(scaled.x, scaled.y, 3.0, 3, w, self.seed ^ 4);
@@ -168,7 +169,7 @@ impl Ground {
                 return stop_line;
             }
         }
-        let lane = narrow(self.road.lane_width);
+        let lane = to_f32(self.road.lane_width);
         let dash = stripes(s + 1.5, 7.5, 3.0, w);
         let mut paint = dash * pulse(d, -0.07, 0.07, w);
         for k in 1..self.road.num_lanes {
@@ -188,7 +189,7 @@ impl Ground {
 
     fn pavement(&self, at: Vec2, footprint: f32, w: f32) -> Texel {
         let (s, d) = (at.x, at.y.abs());
-        let (kerb, building) = (narrow(self.road.kerb_offset()), narrow(self.road.building_offset()));
+        let (kerb, building) = (to_f32(self.road.kerb_offset()), to_f32(self.road.building_offset()));
         let scaled = at / self.texture_scale;
         let grit = octaves(scaled.x, scaled.y, 4.0, 4, w, self.seed ^ 5);
         let stain = octaves(scaled.x, scaled.y, 0.4, 3, w, self.seed ^ 7);

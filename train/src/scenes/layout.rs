@@ -1,6 +1,7 @@
 //! The street of a seed: where houses, trees, furniture and traffic stand.
 
 use glam::{DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 use lgs_formats::pose::Pose;
 
 use super::{
@@ -9,13 +10,15 @@ use super::{
     dice::Dice,
     furniture::Furniture,
     ground::Ground,
-    material::{Material, colour},
-    maths::{narrow, rotation_z},
+    material::Material,
+    maths::rotation_z,
     object::{Object, Palette},
     primitive::{Part, Primitive},
     road::Road,
     shapes::Shape,
     side_street::{HALF_WIDTH, SideStreet},
+    streams,
+    surface::colour,
     traffic,
     trees::Foliage,
 };
@@ -25,23 +28,6 @@ const BUILT: [f64; 2] = [-80.0, 210.0];
 
 /// Part of the street with trees and furniture (metres).
 const FURNISHED: [f64; 2] = [-60.0, 170.0];
-
-/// Independent streams of draws of one seed.
-pub(crate) mod streams {
-    pub(crate) const CONFIG: u64 = 0;
-    pub(crate) const HOUSES: u64 = 1;
-    pub(crate) const TREES: u64 = 2;
-    pub(crate) const FURNITURE: u64 = 3;
-    pub(crate) const PARKED: u64 = 4;
-    pub(crate) const TRAFFIC: u64 = 5;
-    pub(crate) const GROUND: u64 = 6;
-    pub(crate) const BACKDROP: u64 = 7;
-    pub(crate) const LIGHT: u64 = 8;
-    pub(crate) const BUSY: u64 = 9;
-    pub(crate) const BUSY_CONFIG: u64 = 10;
-    /// Plus frame * 2^16 + beam.
-    pub(crate) const LIDAR: u64 = 1 << 40;
-}
 
 /// All that a street holds.
 #[derive(Debug)]
@@ -112,12 +98,12 @@ fn ground(config: &SceneConfig, road: Road, crossings: &[f64], dice: &mut Dice) 
     let green = dice.uniform32(0.38, 0.5);
     Ground {
         road,
-        texture_scale: narrow(config.street.texture_scale),
+        texture_scale: to_f32(config.street.texture_scale),
         asphalt: colour(grey, grey, grey * dice.uniform32(0.98, 1.04)),
         paving: colour(stone, stone * (0.5 + 0.5 * warmth), stone * warmth),
         verge: colour(0.8 * green, green, 0.5 * green),
         slab: dice.pick(&[0.5, 0.6, 0.9]),
-        crossings: crossings.iter().map(|&s| narrow(s)).collect(),
+        crossings: crossings.iter().map(|&s| to_f32(s)).collect(),
         side: None,
         seed: dice.bits(),
     }

@@ -1,15 +1,16 @@
 //! Sweeps of the spinning LiDAR at a moment.
 
 use glam::Vec3;
+use lgs_formats::casts::to_f32;
 use lgs_formats::{pose::Pose, sweep::Sweep};
 use rayon::prelude::*;
 
 use super::{
     dice::Dice,
-    layout::streams,
-    maths::{narrow, narrow_mat, narrow3, rotation_y, rotation_z, smoothstep},
+    maths::{narrow_mat, narrow3, rotation_y, rotation_z, smoothstep},
     rig::LidarSpec,
     shapes::Ray,
+    streams,
     world::Moment,
 };
 
@@ -99,7 +100,7 @@ impl Scanner<'_> {
             .filter_map(|k| {
                 let azimuth = (first + (end - first) * k as f64 / spec.num_azimuths as f64).to_radians();
                 let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
-                let noise = narrow(dice.normal() * spec.range_noise_m);
+                let noise = to_f32(dice.normal() * spec.range_noise_m);
                 let luck = dice.uniform32(0.0, 1.0);
                 let instant = &self.instants[k * self.instants.len() / spec.num_azimuths];
                 let origin = narrow3(instant.world_from_lidar.translation());
@@ -107,7 +108,7 @@ impl Scanner<'_> {
                 self.returned(&instant.moment, &ray, local, noise, luck).map(|hit| Return {
                     point: instant.at_timestamp(hit.point),
                     velocity: turn * hit.velocity,
-                    time: narrow(instant.time),
+                    time: to_f32(instant.time),
                     ..hit
                 })
             })
@@ -116,7 +117,7 @@ impl Scanner<'_> {
 
     /// What comes back from a ray. `luck` in 0..1 decides about losses, `noise` is added to the range.
     fn returned(&self, moment: &Moment, ray: &Ray, local: Vec3, noise: f32, luck: f32) -> Option<Return> {
-        let [near, far] = self.spec.range_m.map(narrow);
+        let [near, far] = self.spec.range_m.map(to_f32);
         let hit = moment.cast(ray, far)?;
         if hit.t < near {
             return None;
@@ -126,7 +127,7 @@ impl Scanner<'_> {
         let cosine = hit.normal.dot(ray.direction).abs();
         let brightness = texel.albedo.dot(Vec3::new(0.25, 0.55, 0.2)).clamp(0.0, 1.0);
         let returned = brightness.sqrt() * (0.25 + 0.75 * cosine);
-        let keep = (1.0 - narrow(self.spec.dropout))
+        let keep = (1.0 - to_f32(self.spec.dropout))
             * (1.0 - GLASS_LOSS * texel.glass)
             * (1.0 - 0.6 * (hit.t / far) * (hit.t / far))
             * smoothstep(0.0, 0.03, cosine * (0.3 + returned));

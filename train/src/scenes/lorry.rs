@@ -4,11 +4,12 @@ use glam::{DVec3, Vec3};
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
+    material::Material,
     maths::narrow3,
     object::{Model, Palette},
     primitive::{MaterialId, Part},
     shapes::{Shape, Taper},
+    surface::colour,
     vehicles::{PAINTS, wheel},
 };
 

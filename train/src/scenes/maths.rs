@@ -2,6 +2,7 @@
 //! platform's), and the few numeric conversions that scenes need.
 
 use glam::{DMat3, DVec3, Mat3, Vec3};
+pub(crate) use lgs_formats::casts::{to_f32, to_f32 as narrow};
 
 /// Sine and cosine of `angle` radians.
 pub(crate) fn sin_cos(angle: f64) -> (f64, f64) {
@@ -26,15 +27,9 @@ pub(crate) fn rotation_x(roll: f64) -> DMat3 {
     DMat3::from_cols(DVec3::X, DVec3::new(0.0, c, s), DVec3::new(0.0, -s, c))
 }
 
-/// The nearest f32.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
-pub(crate) const fn narrow(value: f64) -> f32 {
-    value as f32
-}
-
 /// The vector rounded to f32.
 pub(crate) const fn narrow3(v: DVec3) -> Vec3 {
-    Vec3::new(narrow(v.x), narrow(v.y), narrow(v.z))
+    Vec3::new(to_f32(v.x), to_f32(v.y), to_f32(v.z))
 }
 
 /// The matrix rounded to f32.

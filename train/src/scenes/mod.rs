@@ -7,6 +7,7 @@
 mod check;
 pub(crate) mod dice;
 pub(crate) mod maths;
+mod streams;
 mod texture;
 
 pub mod config;
@@ -22,6 +23,8 @@ mod course;
 mod footprint;
 mod motion;
 mod road;
+
+mod surface;
 
 mod car_texture;
 mod facade;

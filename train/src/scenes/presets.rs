@@ -3,8 +3,8 @@
 use super::{
     config::{BusySpec, LightSpec, Origin, SceneConfig, StreetSpec, TrafficSpec},
     dice::Dice,
-    layout::streams,
     rig::{CAMERA_PLACES, CameraSpec, LidarSpec, Rig},
+    streams,
 };
 
 /// A configuration of which every aspect is drawn from the seed: street, textures, light, traffic, sensors, time.

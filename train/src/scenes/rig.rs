@@ -168,7 +168,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Nothing.
+    /// Fails for the first value out of its range.
     ///
     /// # Errors
     /// The first value that is out of its range, by its path.

@@ -1,9 +1,10 @@
 //! The line that the street follows and the cross-section of the street around it.
 
 use glam::{DVec2, DVec3, Vec2};
+use lgs_formats::casts::to_f32;
 use lgs_formats::pose::Pose;
 
-use super::maths::{narrow, rotation_z, sin_cos};
+use super::maths::{rotation_z, sin_cos};
 
 /// A street along a circular arc that starts at the origin towards +x. `s` runs along the middle line, `d` to its
 /// left (metres).
@@ -49,7 +50,7 @@ impl Road {
 
     /// `(s, d)` of a point.
     pub(crate) fn coordinates(&self, at: Vec2) -> Vec2 {
-        let k = narrow(self.curvature);
+        let k = to_f32(self.curvature);
         if k.abs() < 1e-6 {
             return at;
         }
@@ -60,7 +61,7 @@ impl Road {
 
     /// `d` of a point.
     pub(crate) fn offset(&self, at: Vec2) -> f32 {
-        let k = narrow(self.curvature);
+        let k = to_f32(self.curvature);
         // (1 - |1 - k p|) / k without the cancellation.
         let across = 1.0 - k * at.y;
         let along = k * at.x;
@@ -70,7 +71,7 @@ impl Road {
 
     /// The unit vector to the left of the street at a point: the gradient of `d`.
     pub(crate) fn left(&self, at: Vec2) -> Vec2 {
-        let k = narrow(self.curvature);
+        let k = to_f32(self.curvature);
         Vec2::new(-k * at.x, 1.0 - k * at.y).normalize()
     }
 }
@@ -90,12 +91,12 @@ pub(crate) mod tests {
             for s in [-70.0, -1.0, 0.0, 35.0, 180.0] {
                 for d in [-12.0, 0.0, 4.5] {
                     let pose = road.frame(s, d, 1.0);
-                    let at = Vec2::new(narrow(pose.translation().x), narrow(pose.translation().y));
+                    let at = Vec2::new(to_f32(pose.translation().x), to_f32(pose.translation().y));
                     let back = road.coordinates(at);
                     assert!((f64::from(back.x) - s).abs() < 1e-3, "{curvature} {s} {d}: {back}");
                     assert!((f64::from(back.y) - d).abs() < 1e-3, "{curvature} {s} {d}: {back}");
                     let left = pose.rotation().y_axis;
-                    assert!((road.left(at) - Vec2::new(narrow(left.x), narrow(left.y))).length() < 1e-5);
+                    assert!((road.left(at) - Vec2::new(to_f32(left.x), to_f32(left.y))).length() < 1e-5);
                 }
             }
         }

@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    material::{Surface, Texel, colour, rectangle},
     maths::{cell, hash, unit},
+    surface::{Surface, Texel, colour, rectangle},
     texture::pulse,
 };
 

@@ -1,11 +1,12 @@
 //! Light and sky: the sun, the ambient light, clouds, haze and the tone curve.
 
 use glam::Vec3;
+use lgs_formats::casts::to_f32;
 
 use super::{
     config::LightSpec,
-    material::colour,
-    maths::{mix, narrow, narrow3, rotation_y, rotation_z, smoothstep},
+    maths::{mix, narrow3, rotation_y, rotation_z, smoothstep},
+    surface::colour,
     texture::{noise, octaves},
 };
 
@@ -32,9 +33,9 @@ impl Light {
     /// The light that a configuration describes.
     pub(crate) fn new(spec: &LightSpec, seed: u32) -> Self {
         let rotation = rotation_z(spec.sun_azimuth_deg.to_radians()) * rotation_y(-spec.sun_elevation_deg.to_radians());
-        let clear = 1.0 - narrow(spec.overcast);
+        let clear = 1.0 - to_f32(spec.overcast);
         // A low sun is warm.
-        let height = smoothstep(0.0, 0.8, narrow(spec.sun_elevation_deg.to_radians()));
+        let height = smoothstep(0.0, 0.8, to_f32(spec.sun_elevation_deg.to_radians()));
         let warm = Vec3::new(1.0, mix(0.70, 0.93, height), mix(0.42, 0.80, height));
         Self {
             sun: narrow3(rotation.x_axis),
@@ -44,8 +45,8 @@ impl Light {
             zenith: colour(0.74, 0.76, 0.80).lerp(colour(0.28, 0.50, 0.88), clear),
             horizon: colour(0.86, 0.87, 0.88).lerp(colour(0.86, 0.93, 1.0), clear) * warm.lerp(Vec3::ONE, 0.8),
             cloud: colour(0.9, 0.9, 0.92).lerp(colour(1.25, 1.25, 1.26), clear),
-            cloud_cover: narrow(spec.clouds),
-            haze_length: narrow(spec.haze_m),
+            cloud_cover: to_f32(spec.clouds),
+            haze_length: to_f32(spec.haze_m),
             seed,
         }
     }

@@ -7,11 +7,10 @@ use super::{
     config::SceneConfig,
     course::Course,
     dice::Dice,
-    layout::streams,
     motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Object, Palette},
     road::Road,
-    vehicles,
+    streams, vehicles,
 };
 
 /// Room that drivers keep to the next vehicle of their lane (metres).

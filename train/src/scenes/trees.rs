@@ -1,14 +1,16 @@
 //! Trees and hedges: trunks under clumps of leaves that rays half pass through.
 
 use glam::{DMat3, DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 
 use super::{
     dice::Dice,
-    material::{Material, colour},
-    maths::{narrow, rotation_x, rotation_y, rotation_z},
+    material::Material,
+    maths::{rotation_x, rotation_y, rotation_z},
     object::Palette,
     primitive::Part,
     shapes::Shape,
+    surface::colour,
 };
 
 /// The looks that the trees of a street share.
@@ -48,12 +50,12 @@ impl Foliage {
         let bark = palette.add(Material::Bark { colour: self.bark });
         let tint = dice.uniform32(0.8, 1.25);
         let leaves = palette.add(Material::Leaves { colour: self.colour * tint });
-        let trunk = Shape::Cylinder { radius: narrow(radius), half_height: narrow(0.5 * centre.z) };
+        let trunk = Shape::Cylinder { radius: to_f32(radius), half_height: to_f32(0.5 * centre.z) };
         let mut parts = vec![Part::new(trunk, centre * 0.5, bark).seeded(dice.bits()).shaded(0.85)];
         for _ in 0..dice.between(3, 5) {
             let lean = rotation_z(dice.uniform(0.0, std::f64::consts::TAU)) * rotation_y(dice.uniform(0.35, 0.9));
             let length = dice.uniform(0.8, 1.2) * crown.x;
-            let shape = Shape::Cylinder { radius: narrow(0.4 * radius), half_height: narrow(0.5 * length) };
+            let shape = Shape::Cylinder { radius: to_f32(0.4 * radius), half_height: to_f32(0.5 * length) };
             let at = DVec3::Z * (stem * dice.uniform(0.85, 1.2)) + lean.z_axis * (0.5 * length);
             parts.push(Part::new(shape, at, bark).turned(lean).seeded(dice.bits()).shaded(0.6));
         }
@@ -65,9 +67,9 @@ impl Foliage {
             let share = (offset / crown).length();
             let size = dice.uniform(0.16, 0.36) * size * if share > 0.9 { 0.8 } else { 1.0 };
             let seed = dice.bits();
-            let shape = Shape::Leaf { radius: narrow(size), seed };
+            let shape = Shape::Leaf { radius: to_f32(size), seed };
             let height = offset.z / crown.z;
-            let openness = narrow((0.45 + 0.35 * share + 0.2 * height).clamp(0.25, 1.0));
+            let openness = to_f32((0.45 + 0.35 * share + 0.2 * height).clamp(0.25, 1.0));
             parts.push(
                 Part::new(shape, centre + offset, leaves).turned(any_rotation(dice)).seeded(seed).shaded(openness),
             );
@@ -79,7 +81,7 @@ impl Foliage {
     pub(crate) fn hedge(&self, dice: &mut Dice, palette: &mut Palette, length: f64) -> Vec<Part> {
         let leaves = palette.add(Material::Leaves { colour: self.colour * 0.8 });
         let (height, depth) = (dice.uniform(0.7, 1.3), 0.35);
-        let core = Vec3::new(narrow(length - 0.2), narrow(2.0 * depth - 0.3), narrow(height - 0.15));
+        let core = Vec3::new(to_f32(length - 0.2), to_f32(2.0 * depth - 0.3), to_f32(height - 0.15));
         let mut parts = vec![Part::new(Shape::cuboid(core), DVec3::Z * (0.5 * height), leaves).shaded(0.35)];
         let num = super::maths::count(length * 26.0);
         for _ in 0..num {
@@ -89,7 +91,7 @@ impl Foliage {
                 0.1 + (height - 0.1) * dice.unit().sqrt(),
             );
             let seed = dice.bits();
-            let openness = narrow(0.5 + 0.5 * at.z / height);
+            let openness = to_f32(0.5 + 0.5 * at.z / height);
             let shape = Shape::Leaf { radius: dice.uniform32(0.13, 0.22), seed };
             parts.push(Part::new(shape, at, leaves).turned(any_rotation(dice)).seeded(seed).shaded(openness));
         }

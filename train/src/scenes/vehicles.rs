@@ -1,15 +1,17 @@
 //! Cars, vans, trucks and people, composed of a few shapes.
 
 use glam::{DVec3, Vec3};
+use lgs_formats::casts::to_f32;
 
 use super::{
     car_texture::WHEELBASE,
     dice::Dice,
-    material::{Material, colour},
-    maths::{narrow, narrow3, rotation_x, rotation_y},
+    material::Material,
+    maths::{narrow3, rotation_x, rotation_y},
     object::{Model, Palette},
     primitive::{MaterialId, Part},
     shapes::{Shape, Taper},
+    surface::colour,
 };
 
 /// Paints of cars as they look on a screen.
@@ -121,7 +123,7 @@ fn wheels(length: f64, width: f64, radius: f64, palette: &mut Palette) -> Vec<Pa
 /// A wheel at `x` along a vehicle of this width, on its left (1) or right (-1) side.
 pub(crate) fn wheel(x: f64, left: f64, width: f64, radius: f64, material: MaterialId) -> Part {
     let at = DVec3::new(x, left * (0.5 * width - 0.09), radius);
-    let shape = Shape::Cylinder { radius: narrow(radius), half_height: 0.105 };
+    let shape = Shape::Cylinder { radius: to_f32(radius), half_height: 0.105 };
     // The cylinder's top looks outward.
     Part::new(shape, at, material).turned(rotation_x(-left * std::f64::consts::FRAC_PI_2))
 }
@@ -170,7 +172,7 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
         palette.add(Material::Paint { colour: colour(skin, 0.78 * skin, 0.64 * skin), grain: 0.1, frequency: 9.0 });
     let hip = 0.48 * height;
     let limb = |at: DVec3, length: f64, swing: f64, radius: f32, material: MaterialId| {
-        let shape = Shape::Cylinder { radius, half_height: narrow(0.5 * length) };
+        let shape = Shape::Cylinder { radius, half_height: to_f32(0.5 * length) };
         Part::new(shape, at, material).turned(rotation_y(swing))
     };
     let swing = dice.uniform(0.15, 0.4);
@@ -182,7 +184,7 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
         limb(DVec3::new(0.08, -0.22, 0.66 * height), 0.33 * height, -0.7 * swing, 0.05, coat),
     ];
     let blob = |radii: Vec3, z: f64, material| Part::new(Shape::Ellipsoid { radii }, DVec3::Z * z, material);
-    parts.push(blob(Vec3::new(0.15, 0.2, narrow(0.21 * height)), 0.66 * height, coat));
+    parts.push(blob(Vec3::new(0.15, 0.2, to_f32(0.21 * height)), 0.66 * height, coat));
     parts.push(blob(Vec3::new(0.105, 0.09, 0.13), height - 0.13, skin));
     let seed = dice.bits();
     let parts = parts.into_iter().map(|part| part.seeded(seed)).collect();

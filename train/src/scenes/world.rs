@@ -7,14 +7,16 @@ use super::{
     config::SceneConfig,
     dice::Dice,
     ground::{Ground, Zone},
-    layout::{Layout, streams},
-    material::{Material, Surface, Texel},
+    layout::Layout,
+    material::Material,
     maths::{mix, narrow3, smoothstep},
     motion::{EgoMotion, Movement},
     object::Object,
     primitive::Primitive,
     shapes::{Ray, Shape},
     sky::Light,
+    streams,
+    surface::{Surface, Texel},
 };
 
 /// How far a shadow reaches (metres).

@@ -7,16 +7,15 @@
 use candle_core::backprop::GradStore;
 use lgs_engine::{
     densify::{self, Action},
-    gaussians::{GaussianSet, NUM_ATTRIBUTES, RawGradient},
+    gaussians::{Branch, GaussianSet, NUM_ATTRIBUTES, RawGradient},
     loss::LossWeights,
     network::{
-        branch::Branch,
         config::{Guidance, ModelConfig, StepLength},
         normalise::residual_gradients,
     },
     objective::{Objective, Terms, Wanted, objective, objective_with},
     predict::add_outputs,
-    refine::{lengthen, silence_guide, step_lengths, wanted},
+    refine::{lengthen, step_lengths, wanted, zero_non_finite_guide},
     views::View,
 };
 use rayon::prelude::*;
@@ -105,7 +104,7 @@ pub fn compute(
 
     let mut set = perturbed.set;
     for _ in 0..settings.refine_steps {
-        silence_guide(&mut looked.inputs, config.guidance);
+        zero_non_finite_guide(&mut looked.inputs, config.guidance);
         let before = &looked.inputs;
         let outcomes = self::outcomes(|branch| passes.refine(&set, before, branch))?;
         let mut next = self::updated(&set, &outcomes)?;

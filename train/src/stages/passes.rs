@@ -2,9 +2,8 @@
 
 use candle_core::Tensor;
 use lgs_engine::{
-    gaussians::GaussianSet,
+    gaussians::{Branch, GaussianSet},
     network::{
-        branch::Branch,
         model::Model,
         normalise::{INITIAL_INPUTS, initial_rows},
     },
@@ -50,7 +49,7 @@ impl Outcome {
 impl Passes<'_> {
     /// The first prediction of a branch; `None` when it is empty.
     pub(crate) fn initial(&self, set: &GaussianSet, branch: Branch) -> Result<Option<Outcome>> {
-        let chosen: Vec<usize> = branch.range(set).collect();
+        let chosen: Vec<usize> = set.rows(branch).collect();
         if chosen.is_empty() {
             return Ok(None);
         }
@@ -69,7 +68,7 @@ impl Passes<'_> {
 
     /// A refinement step of the Gaussians of a branch that are `seen`; `None` when there is none.
     pub(crate) fn refine(&self, set: &GaussianSet, before: &Objective, branch: Branch) -> Result<Option<Outcome>> {
-        let chosen: Vec<usize> = branch.range(set).filter(|&i| before.seen[i]).collect();
+        let chosen: Vec<usize> = set.rows(branch).filter(|&i| before.seen[i]).collect();
         if chosen.is_empty() {
             return Ok(None);
         }

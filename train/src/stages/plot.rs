@@ -2,32 +2,27 @@
 
 use std::path::Path;
 
-use plotters::chart::SeriesLabelPosition;
+use lgs_formats::write::write_atomic;
+use lgs_pages::{Axis, Curve, CurvesFrame, Scale, curves};
 
 use super::record::Table;
-use crate::{
-    curves::{Curve, Frame, bounds, draw},
-    error::Result,
-};
+use crate::error::Result;
 
 /// At most so many points a curve: more rows are averaged in groups, so that noise does not hide the course.
 const POINTS: usize = 200;
 
-/// Draws the `columns` of the table over its first one into `file`. A table without two rows of values makes no picture.
+/// Writes the `columns` of the table over its first one into `file`, as SVG. A table without two rows of values makes no picture.
 ///
 /// # Errors
-/// When the picture cannot be drawn or written.
+/// When the picture cannot be written.
 pub fn plot(table: &Table, columns: &[usize], title: &str, file: &Path) -> Result<()> {
-    let curves: Vec<Curve> = columns.iter().map(|&column| curve(table, column)).collect();
-    let [first, last] = bounds(&curves, 0);
-    // Nothing to draw: no values, or all at one step.
-    if first >= last {
+    let courses: Vec<Curve> = columns.iter().map(|&column| curve(table, column)).collect();
+    if courses.iter().all(|curve| curve.points.len() < 2) {
         return Ok(());
     }
-    let names = SeriesLabelPosition::UpperRight;
-    let label = |step: &f64| ((step * 1e3).round() / 1e3).to_string();
-    let frame = Frame { title, axes: ["step", ""], least: 1e-9, dots: 0, names, label };
-    draw(file, &curves, &frame, first..last)
+    let axes = ["step", ""].map(|label| Axis::new(label, Scale::Even));
+    let svg = curves(&CurvesFrame { title, axes, dots: 0.0 }, &courses);
+    Ok(write_atomic(file, svg.as_bytes())?)
 }
 
 fn curve(table: &Table, column: usize) -> Curve {
@@ -50,7 +45,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let columns = ["step", "a", "b"].map(str::to_owned).to_vec();
         let mut table = Table::open(dir.path().join("t.csv"), columns, 0).unwrap();
-        let file = dir.path().join("t.png");
+        let file = dir.path().join("t.svg");
         plot(&table, &[1, 2], "none", &file).unwrap();
         assert!(!file.exists(), "nothing to draw");
         for k in 0..500 {

@@ -21,15 +21,15 @@ const TERMS: [&str; 4] = ["l1", "dissimilarity", "depth", "speed"];
 /// Errors of velocities: how many primitives move, their error over their speed, the speed of what stands still.
 const VELOCITIES: [&str; 3] = ["moving", "moving_error", "resting_speed"];
 const PICTURES: &[Picture] = &[
-    Picture { prefixes: &["inputs"], title: "loss of the input views", file: "loss_inputs.png" },
-    Picture { prefixes: &["targets"], title: "loss of the target views", file: "loss_targets.png" },
+    Picture { prefixes: &["inputs"], title: "loss of the input views", file: "loss_inputs.svg" },
+    Picture { prefixes: &["targets"], title: "loss of the target views", file: "loss_targets.svg" },
     Picture {
         prefixes: &TERMS,
         title: "terms of the loss of the target views after the last step",
-        file: "loss_terms.png",
+        file: "loss_terms.svg",
     },
-    Picture { prefixes: &["moving_error", "resting_speed"], title: "errors of velocities", file: "velocities.png" },
-    Picture { prefixes: &["gradient"], title: "norm of the gradient", file: "gradient.png" },
+    Picture { prefixes: &["moving_error", "resting_speed"], title: "errors of velocities", file: "velocities.svg" },
+    Picture { prefixes: &["gradient"], title: "norm of the gradient", file: "gradient.svg" },
 ];
 
 /// Prediction, query and refinement, trained by what they render.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lgs_engine::{
     gaussians::{Coarseness, GaussianSet, Start},
-    pipeline::{Flags, Opening, Run, Session, Silent, Watch, check_refinement},
+    pipeline::{MemorySettings, Opening, Run, Session, Silent, Watch, check_refinement},
     views::{ClipFrame, View},
 };
 use lgs_formats::pose::Pose;
@@ -30,9 +30,9 @@ const COARSENESS: [f64; 2] = [0.0, 2.0];
 /// Largest distance by which the clip frame is moved, metres: voxels fall elsewhere.
 const MOVED: f64 = 5.0;
 /// What lowers the number of the views of a step, and of the sweeps behind them.
-const VIEWS: Flags = Flags { images: "--max-views", returns: "--max-views" };
+const VIEWS: MemorySettings = MemorySettings { images: "max-views", returns: "max-views" };
 /// What lowers the number of the Gaussians of a step.
-const CROP: Flags = Flags { images: "--crop", returns: "--crop" };
+const CROP: MemorySettings = MemorySettings { images: "crop", returns: "crop" };
 
 /// What one step is computed from.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
     let clip = &clips[dice.index(clips.len())];
     let draw = clip.draw(&mut dice, settings.max_views)?;
     let (frame, mut watch) = (clip_frame(&draw, &mut dice)?, Watch::new(&Silent));
-    let opening = Opening { clip_frame: Some(frame), flags: VIEWS, ..Opening::of(draw.selection().clone()) };
+    let opening = Opening { clip_frame: Some(frame), memory: VIEWS, ..Opening::of(draw.selection().clone()) };
     let mut changed = None;
     let session = Session::open_changed(Arc::clone(draw.dir()), opening.as_stated(), &mut watch, |inputs| {
         let light = Light::draw(&mut dice);

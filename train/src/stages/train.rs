@@ -204,7 +204,7 @@ impl Tables {
             plot(&self.steps, &columns, picture.title, &dir.join(picture.file))?;
         }
         let all: Vec<usize> = (1..self.validation.columns().len()).collect();
-        plot(&self.validation, &all, "validation", &dir.join("validation.png"))
+        plot(&self.validation, &all, "validation", &dir.join("validation.svg"))
     }
 
     fn push(&mut self, step: u64, report: &StepReport<'_>) {

@@ -6,7 +6,7 @@ use lgs_engine::{
     densify::{Scores, apply, decide},
     gaussians::{GaussianSet, background::Mode},
     network::model::Model,
-    pipeline::{Flags, HoldOut, Opening, Run, Session, Silent, Watch},
+    pipeline::{HoldOut, MemorySettings, Opening, Run, Session, Silent, Watch},
     predict::{backbone, predict, query, scores},
     refine::refine,
     views::{Selection, View},
@@ -45,9 +45,9 @@ impl ValidationClip {
         let frames: Vec<usize> = (0..dir.clip().frames.len().min(num_frames)).collect();
         let hold_out = HoldOut::Odd.indices(dir.clip().frames.len(), Some(&frames))?;
         let selection = Selection { frames: Some(frames), hold_out, image_size, cameras: None };
-        let flags = Flags { images: "--validation-size", returns: "--validation" };
+        let memory = MemorySettings { images: "validation-size", returns: "validation" };
         let mut watch = Watch::new(&Silent);
-        let session = Session::open(Arc::new(dir), Opening { flags, ..Opening::of(selection) }, &mut watch)?;
+        let session = Session::open(Arc::new(dir), Opening { memory, ..Opening::of(selection) }, &mut watch)?;
         let start = session.run(&Run::initial(Mode::Auto.into()), &mut watch)?.scene;
         let held_out = session.held_out(&mut watch)?;
         let identity = format!("{} ({})", session.clip().name, session.clip().source);

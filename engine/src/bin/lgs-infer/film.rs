@@ -6,10 +6,11 @@ use anyhow::{Context, Result, anyhow, bail};
 use lgs_engine::{
     allocator::available_bytes,
     gaussians::physical::Splat,
-    pipeline::{Flags, Need, Progress, Stage},
-    render::{Pass, Probes, render},
+    pipeline::{MemorySettings, Need, Progress, Stage},
+    render::{MemoryEstimate, Pass, render},
     views::{ClipFrame, PinholeView, Response, View, between, keys_of_camera, path_views},
 };
+use lgs_formats::casts::to_u32;
 use lgs_formats::{
     camera::Camera,
     camera_path::{PathKey, PathLens, read_path},
@@ -76,7 +77,7 @@ impl Film {
         self.views.len()
     }
 
-    /// Nothing: writes `path/00000.png`, `path/00001.png`, ... and all of them as `path.png`, which moves.
+    /// Writes `path/00000.png`, `path/00001.png`, ... and all of them as `path.png`, which moves.
     pub(crate) fn write(
         &self,
         scene: &[Splat],
@@ -85,16 +86,15 @@ impl Film {
         progress: &dyn Progress,
     ) -> Result<()> {
         let Some(first) = self.views.first() else { return Ok(()) };
-        if Probes::of_splats(scene).check(&self.views, Pass::Images).is_err() {
+        if MemoryEstimate::of_splats(scene).check(&self.views, Pass::Images).is_err() {
             return Err(too_large(first));
         }
         let folder = out.join("path");
         std::fs::create_dir_all(&folder).with_context(|| format!("{}: make", folder.display()))?;
-        let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
         let film = exports::Film {
-            width: side(first.width),
-            height: side(first.height),
-            count: side(self.views.len()),
+            width: to_u32(first.width),
+            height: to_u32(first.height),
+            count: to_u32(self.views.len()),
             rate: self.rate,
         };
         progress.begin(Stage::Render, self.views.len());
@@ -128,10 +128,10 @@ fn pinhole(frame: &ClipFrame, lens: PathLens, key: &PathKey) -> PinholeView {
     })
 }
 
-/// Nothing, when one picture fits into the memory that is free.
+/// Fails unless one picture fits into the memory that is free.
 fn check_size(lens: &PinholeView) -> Result<()> {
     let need = Need::of(&[[lens.height, lens.width]], 0);
-    if available_bytes().is_some_and(|available| need.check(available, Flags::default()).is_err()) {
+    if available_bytes().is_some_and(|available| need.check(available, MemorySettings::default()).is_err()) {
         return Err(too_large(lens));
     }
     Ok(())

@@ -149,7 +149,7 @@ impl Exports {
 }
 
 impl Output<'_> {
-    /// Nothing: writes all files into `out`, which is made with its parents when it is missing.
+    /// Writes all files into `out`, which is made with its parents when it is missing.
     pub(crate) fn write(&self, out: &Path) -> Result<()> {
         let make = |path: &Path| fs::create_dir_all(path).with_context(|| format!("{}: make", path.display()));
         make(out)?;

@@ -3,6 +3,7 @@
 use std::{path::Path, sync::Arc, time::Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
+use lgs_cli::{Outcome, threads};
 use lgs_engine::{
     allocator,
     densify::DensityMap,
@@ -17,7 +18,6 @@ use lgs_engine::{
     pipeline::{Drawing, Figures, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views},
     recipe::Recipe,
     report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
-    threads,
     views::{SelectedFrames, Selection, View},
 };
 use lgs_formats::{
@@ -27,7 +27,6 @@ use lgs_formats::{
     exports::num_files,
     importers,
     ply::Higher,
-    program::Outcome,
     viewer,
 };
 
@@ -36,7 +35,7 @@ use crate::{
     film::Film,
     output::{Exports, Output, ViewPictures, output_dir, pictures_of, report_width},
     plan,
-    progress::Bars,
+    progress::StageBars,
     summary::{notes, summary},
 };
 
@@ -57,13 +56,13 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     plan::check(args)?;
     let threads = threads::set_num_threads(args.threads())?;
-    let bars = Bars::new();
+    let bars = StageBars::default();
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
     let out = output_dir(args.out.as_deref(), &dir.clip().name)?;
     let lpips = args.lpips_weights.as_deref().map(PerceptualDistance::load).transpose()?;
     let session = opened(args, dir, &mut watch)?;
-    let (job, inputs) = (Job { args, session: &session, lpips }, session.inputs());
+    let (run_of, inputs) = (OpenedRun { args, session: &session, lpips }, session.inputs());
     let exports = exports(args, inputs.views())?;
     let film = Film::plan(args, session.clip(), session.clip_frame(), inputs.views())?;
     let model = watch.time(Stage::Load, |_| args.weights.load(args.seed))?;
@@ -78,15 +77,15 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let run = plan.run(model.as_ref().map(|loaded| &loaded.model), args.seed);
     let reconstruction = begun.run(&run, &mut watch, &mut |_, _| ())?;
     plan.spent(&reconstruction, start);
-    let shown = job.shown();
+    let shown = run_of.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
-    let drawn = job.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
+    let drawn = run_of.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
         format: METRICS_FORMAT,
         clip: session.clip().name.clone(),
-        config: job.config(&plan.recipe),
+        config: run_of.config(&plan.recipe),
         budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
@@ -159,7 +158,7 @@ fn opened(args: &Args, dir: ClipDir, watch: &mut Watch<'_>) -> Result<Session> {
 
 /// A run of an opened clip.
 #[derive(Debug)]
-struct Job<'a> {
+struct OpenedRun<'a> {
     args: &'a Args,
     session: &'a Session,
     lpips: Option<PerceptualDistance>,
@@ -172,7 +171,7 @@ struct PerceptualDistance {
     sha256: String,
 }
 
-impl Job<'_> {
+impl OpenedRun<'_> {
     /// In which colours and axes files hold the scene.
     fn shown(&self) -> Shown {
         let first = self.session.frames().input.first().copied().unwrap_or(0);

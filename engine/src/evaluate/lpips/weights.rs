@@ -81,7 +81,7 @@ impl<'a> WeightReader<'a> {
         }
     }
 
-    /// Nothing.
+    /// Fails where tensors were at fault.
     ///
     /// # Errors
     /// All tensors at fault, by name, in one error.

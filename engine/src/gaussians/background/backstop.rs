@@ -1,6 +1,6 @@
 //! A coarse layer behind everything, for the cracks that open when a view is rendered from beside its inputs.
 
-use super::{Sheet, depth::Trust, emit::is_ignored};
+use super::{Sheet, depth::Trust, is_ignored};
 use crate::{
     gaussians::{Coarseness, NUM_ATTRIBUTES, initial::row},
     views::{Projected, View},

@@ -1,6 +1,6 @@
 //! Pixels that show nearly the same, together: the uncovered pixels of a view as rectangles of one colour and one plane each.
 
-use super::{Sheet, emit::is_ignored};
+use super::{Sheet, is_ignored};
 use crate::{
     gaussians::{Coarseness, disc::Plane},
     views::View,

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::{
-    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, disc::BLUR, physical::sigmoid},
+    gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, NUM_ATTRIBUTES, QUAT, disc::BLUR, mean_of, physical::sigmoid},
     views::PinholeView,
 };
 
@@ -38,7 +38,7 @@ impl Coverage {
         self.log_transmittance[pixel].exp() >= SHOWS
     }
 
-    /// Nothing: adds Gaussians.
+    /// Adds Gaussians.
     pub(super) fn add(&mut self, view: &PinholeView, shapes: &[Shape]) {
         let camera = Camera::new(view);
         for shape in shapes {
@@ -171,7 +171,7 @@ impl Shape {
         shapes
     }
 
-    /// Nothing: it stands where it is at a moment (seconds) and moves (metres a second).
+    /// Says that it stands where it is at a moment (seconds) and moves (metres a second).
     pub(super) const fn move_as(&mut self, time: f32, velocity: [f32; 3]) {
         (self.time, self.velocity) = (time, velocity);
     }
@@ -186,7 +186,7 @@ impl Shape {
         let of = |row: &[f32; NUM_ATTRIBUTES]| {
             let opacity = sigmoid(row[LOGIT_OPACITY]);
             Self {
-                mean: [row[MEAN.start], row[MEAN.start + 1], row[MEAN.start + 2]],
+                mean: mean_of(row),
                 time: 0.0,
                 velocity: [0.0; 3],
                 axes: axes(row),

@@ -1,6 +1,5 @@
 //! Uncovered pixels to Gaussians.
 
-use lgs_formats::image::PixelLabel;
 use rayon::prelude::*;
 
 use super::{
@@ -102,9 +101,4 @@ fn sharpened(view: &View, pixel: usize) -> [f32; 3] {
     }
     let own = colour(pixel);
     std::array::from_fn(|k| (own[k] + SHARPENED * (own[k] - sum[k] / total)).clamp(0.0, 1.0))
-}
-
-/// Whether a pixel takes part in nothing.
-pub(super) fn is_ignored(view: &View, pixel: usize) -> bool {
-    view.labels.as_ref().is_some_and(|labels| labels[pixel] == PixelLabel::Ignored)
 }

@@ -12,6 +12,7 @@ mod sky;
 
 use std::cmp::Reverse;
 
+use lgs_formats::{casts::to_u32, image::PixelLabel};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +22,7 @@ use self::{
     depth::Trust,
     maps::Aligned,
 };
-use super::{Coarseness, GaussianSet, MEAN, NUM_ATTRIBUTES, Start, motion::Movement};
+use super::{Coarseness, Gaussian, GaussianSet, NUM_ATTRIBUTES, Start, mean_of, motion::Movement};
 use crate::{
     points::{PointCloud, samples_at},
     views::{PinholeView, Role, View},
@@ -31,7 +32,7 @@ use crate::{
 const SAME_MOMENT: f32 = 1e-3;
 
 /// Where the background comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// What the clip needs: its own depth maps where it has some, else what scored best on held-out frames, `depth`.
@@ -41,7 +42,6 @@ pub enum Mode {
     #[default]
     Auto,
     /// None.
-    #[value(alias = "none")]
     Off,
     /// A hemisphere far away, above the horizon.
     Sky,
@@ -110,20 +110,19 @@ pub fn add_background(
             let nothing = Coverage::new(&inputs[k].pinhole);
             let rows = emit::rows(inputs[k], &sheets[k], (&nothing, Trust::OwnVehicle), &[], coarseness);
             let velocity = velocity(&inputs[k].pinhole, &inputs[other].pinhole);
-            let times = rows.iter().map(|row| inputs[k].pinhole.exposed_at([0, 1, 2].map(|c| row[MEAN.start + c])));
-            let times: Vec<f32> = times.collect();
-            let first = set.len();
-            append(set, (rows, inputs[k]), 0.0, velocity);
-            set.times[first..].copy_from_slice(&times);
+            for attributes in rows {
+                let time = inputs[k].pinhole.exposed_at(mean_of(&attributes));
+                set.push(Gaussian { attributes, time, frame: frame_of(inputs[k]), velocity });
+            }
         }
     }
     for (view, sheet) in inputs.iter().zip(&sheets) {
-        append(set, (backstop::rows(view, sheet, coarseness), view), 0.0, [0.0; 3]);
+        append(set, view, backstop::rows(view, sheet, coarseness));
     }
     fits
 }
 
-/// Nothing: appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
+/// Appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
 fn add_moving(
     set: &mut GaussianSet,
     inputs: &[&View],
@@ -140,13 +139,11 @@ fn add_moving(
             let Some(own) = moving::sheet(view, (&mut sheets[k], &standing), thing, things, &sources) else { continue };
             let rows = emit::rows(view, &own, (&coverages[k], Trust::Alone), &[], coarseness);
             let first = set.len();
-            set.frames.resize(first + rows.len(), thing.flow.frame);
-            for row in rows {
-                let mean = [0, 1, 2].map(|c| row[MEAN.start + c]);
+            for attributes in rows {
+                let mean = mean_of(&attributes);
                 let time = view.pinhole.exposed_at(mean);
-                set.velocities.push(thing.velocity_of(mean, time - thing.time));
-                set.times.push(time);
-                set.attributes.push(row);
+                let velocity = thing.velocity_of(mean, time - thing.time);
+                set.push(Gaussian { attributes, time, frame: thing.flow.frame, velocity });
             }
             let mut shapes = Shape::of(&set.attributes[first..]);
             for (shape, i) in shapes.iter_mut().zip(first..) {
@@ -160,7 +157,7 @@ fn add_moving(
     }
 }
 
-/// Nothing: appends Gaussians for all uncovered pixels of a known depth.
+/// Appends Gaussians for all uncovered pixels of a known depth.
 fn add_pixels(
     set: &mut GaussianSet,
     inputs: &[&View],
@@ -173,17 +170,26 @@ fn add_pixels(
             let rows = emit::rows(inputs[k], &sheets[k], (&coverages[k], trust), &sources, coarseness);
             let shapes = Shape::of(&rows);
             inputs.par_iter().zip(&mut *coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
-            append(set, (rows, inputs[k]), 0.0, [0.0; 3]);
+            append(set, inputs[k], rows);
         }
     }
 }
 
-/// Nothing: appends Gaussians that an image asked for.
-fn append(set: &mut GaussianSet, (rows, view): (Vec<[f32; NUM_ATTRIBUTES]>, &View), time: f32, velocity: [f32; 3]) {
-    set.attributes.extend(rows);
-    set.times.resize(set.len(), time);
-    set.frames.resize(set.len(), u32::try_from(view.frame).unwrap_or(u32::MAX));
-    set.velocities.resize(set.len(), velocity);
+/// Appends Gaussians that stand still and that an image asked for.
+fn append(set: &mut GaussianSet, view: &View, rows: Vec<[f32; NUM_ATTRIBUTES]>) {
+    let frame = frame_of(view);
+    for attributes in rows {
+        set.push(Gaussian { attributes, time: 0.0, frame, velocity: [0.0; 3] });
+    }
+}
+
+fn frame_of(view: &View) -> u32 {
+    to_u32(view.frame)
+}
+
+/// Whether a pixel takes part in nothing.
+fn is_ignored(view: &View, pixel: usize) -> bool {
+    view.labels.as_ref().is_some_and(|labels| labels[pixel] == PixelLabel::Ignored)
 }
 
 /// Velocity (metres a second) of a camera between two of its images; 0 when they were taken at the same moment, or nearly.

@@ -5,7 +5,9 @@ use lgs_formats::pose::Pose;
 use rayon::prelude::*;
 
 use super::{Flow, Movement};
-use crate::{points::PointCloud, views::to_f32};
+use lgs_formats::casts::to_f32;
+
+use crate::points::PointCloud;
 
 /// How far outside of a box its returns may be, metres: labels are about so exact.
 const MARGIN: f64 = 0.1;
@@ -93,7 +95,7 @@ mod tests {
         };
         let boxes = [on_circle(0, 0.0), on_circle(2, 0.2), on_circle(4, 0.4)];
         let front = boxes[1].clip_from_box.transform_point(DVec3::new(1.9, 0.5, 0.0));
-        let [a, b] = [front, DVec3::new(30.0, 0.0, 0.0)].map(|p| p.to_array().map(crate::views::to_f32));
+        let [a, b] = [front, DVec3::new(30.0, 0.0, 0.0)].map(|p| p.to_array().map(lgs_formats::casts::to_f32));
         let cloud = PointCloud {
             positions: vec![a, a, b],
             times: vec![0.0, 0.2, 0.2],

@@ -1,6 +1,6 @@
 //! A square of cells around a sensor, seen from above.
 
-use crate::views::to_f32;
+use lgs_formats::casts::{to_f32, whole};
 
 /// A square of cells around a sensor, seen from above. What lies outside has no cell, so memory is bounded.
 ///
@@ -84,16 +84,6 @@ impl Buckets {
             self.points[start..end].iter().copied()
         }))
     }
-}
-
-/// The whole part of a number that is not negative and small enough to count cells.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "callers pass counts of cells, from 0 to a few thousand"
-)]
-pub(super) const fn whole(value: f32) -> usize {
-    value as usize
 }
 
 #[expect(

@@ -43,7 +43,7 @@ impl Lowest {
         Self { grid, heights, counts }
     }
 
-    /// Nothing: takes in what another sweep knows of the same cells.
+    /// Takes in what another sweep knows of the same cells.
     fn add(&mut self, other: &Self) {
         let shift = [0, 1].map(|k| self.grid.first[k].saturating_sub(other.grid.first[k]));
         for (index, heights) in self.heights.iter_mut().enumerate() {
@@ -92,7 +92,7 @@ impl Ground {
     }
 }
 
-/// Nothing: puts a value into its place among the lowest.
+/// Puts a value into its place among the lowest.
 fn insert(lowest: &mut [f32; KEPT], value: f32) {
     if value >= lowest[KEPT - 1] {
         return;

@@ -1,7 +1,9 @@
 //! Whether something is near a place, for lookups in the innermost loop.
 
+use lgs_formats::casts::whole;
+
 use super::{
-    grid::{Grid, whole},
+    grid::Grid,
     sites::{CELL, REACH, Site},
 };
 

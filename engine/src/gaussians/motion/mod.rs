@@ -25,10 +25,10 @@ mod tests;
 pub use self::boxes::{MovingBox, boxed};
 use serde::{Deserialize, Serialize};
 
-use crate::{points::PointCloud, views::View};
+use crate::{points::PointCloud, views::View, words::Words};
 
 /// Where the velocities of the initial Gaussians come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
     /// All are zero.
@@ -41,6 +41,18 @@ pub enum Motion {
     Registered,
     /// What is inside a tracked box of an input frame moves as the box does, its rotation included; all else stands still.
     Boxes,
+}
+
+impl Words for Motion {
+    const WORDS: &[(&str, Self, &str)] = &[
+        ("none", Self::None, "All are zero"),
+        ("registered", Self::Registered, "From what sweeps and images say together"),
+        (
+            "boxes",
+            Self::Boxes,
+            "What is inside a tracked box of an input frame moves as the box does, its rotation included; all else stands still",
+        ),
+    ];
 }
 
 /// Images that are farther apart in time are not compared, seconds.
@@ -88,7 +100,7 @@ impl Movement {
         Self { velocities: vec![[0.0; 3]; count], things: vec![STANDS; count], flows: Vec::new() }
     }
 
-    /// Nothing: these returns belong to a new thing.
+    /// Adds a new thing, to which these returns belong.
     fn add(&mut self, cloud: &PointCloud, flow: Flow, returns: impl Iterator<Item = usize>) {
         let thing = u32::try_from(self.flows.len()).unwrap_or(STANDS);
         for point in returns {

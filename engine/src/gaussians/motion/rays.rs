@@ -1,6 +1,5 @@
 //! Where a sweep looked: the nearest return in each direction.
-
-use super::grid::whole;
+use lgs_formats::casts::whole;
 
 /// Columns of directions around the sensor; 0.2 to 0.3 degrees each.
 const COLUMNS: usize = 1440;
@@ -54,7 +53,7 @@ impl Rays {
             }
         }
         let mean = |&(sum, count): &([f64; 3], u32)| {
-            if count == 0 { origin } else { sum.map(|sum| crate::views::to_f32(sum / f64::from(count))) }
+            if count == 0 { origin } else { sum.map(|sum| lgs_formats::casts::to_f32(sum / f64::from(count))) }
         };
         Self { origin, origins: sums.iter().map(mean).collect(), ranges }
     }

@@ -83,5 +83,5 @@ pub(super) fn refined(judge: &Judge<'_>, from: usize, sites: &[usize], velocity:
 
 fn middle(own: &Sweep, sites: &[usize]) -> [f32; 2] {
     let sum = |k: usize| sites.iter().map(|&site| f64::from(own.sites.sites[site].mean[k])).sum::<f64>();
-    [0, 1].map(|k| crate::views::to_f32(sum(k) / sites.len().max(1) as f64))
+    [0, 1].map(|k| lgs_formats::casts::to_f32(sum(k) / sites.len().max(1) as f64))
 }

@@ -1,7 +1,8 @@
 //! Where something may move, and how fast it may.
 
+use lgs_formats::casts::whole;
+
 use super::{
-    grid::whole,
     judge::{Care, Judge},
     sites::Sites,
     sweeps::{Still, Sweep},
@@ -172,7 +173,7 @@ fn root(parents: &mut [usize], mut index: usize) -> usize {
     index
 }
 
-/// Nothing: the lower root becomes that of both.
+/// Joins two trees: the lower root becomes that of both.
 fn join(parents: &mut [usize], a: usize, b: usize) {
     let [a, b] = [root(parents, a), root(parents, b)];
     parents[a.max(b)] = a.min(b);

@@ -1,7 +1,9 @@
 //! What stands above the ground, gathered in small cubes.
 
+use lgs_formats::casts::whole;
+
 use super::{
-    grid::{Buckets, Grid, whole},
+    grid::{Buckets, Grid},
     ground::Ground,
 };
 
@@ -66,7 +68,7 @@ impl Sites {
                 let values = [x, y, z, times[index as usize]];
                 sum = std::array::from_fn(|k| sum[k] + f64::from(values[k]));
             }
-            let [x, y, z, time] = sum.map(|sum| crate::views::to_f32(sum / group.len() as f64));
+            let [x, y, z, time] = sum.map(|sum| lgs_formats::casts::to_f32(sum / group.len() as f64));
             let range = ((x - origin[0]).powi(2) + (y - origin[1]).powi(2)).sqrt();
             sites.push(Site { mean: [x, y, z], time, returns: u32::try_from(group.len()).unwrap_or(u32::MAX), range });
         }

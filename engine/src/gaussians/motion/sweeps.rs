@@ -80,12 +80,12 @@ impl Sweep {
 pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Vec<Sweep> {
     let origin = |run: &std::ops::Range<usize>| {
         let of = |k: usize| cloud.origins[run.clone()].iter().map(|origin| f64::from(origin[k])).sum::<f64>();
-        [0, 1, 2].map(|k| crate::views::to_f32(of(k) / run.len().max(1) as f64))
+        [0, 1, 2].map(|k| lgs_formats::casts::to_f32(of(k) / run.len().max(1) as f64))
     };
     let origins: Vec<[f32; 3]> = runs.iter().map(origin).collect();
     let mean = |run: &std::ops::Range<usize>| {
         let sum: f64 = cloud.times[run.clone()].iter().map(|&time| f64::from(time)).sum();
-        crate::views::to_f32(sum / run.len().max(1) as f64)
+        lgs_formats::casts::to_f32(sum / run.len().max(1) as f64)
     };
     let times: Vec<f32> = runs.iter().map(mean).collect();
     let points = |index: usize| &cloud.positions[runs[index].clone()];

@@ -112,7 +112,7 @@ const TIMES: [f64; 4] = [0.0, 0.1, 0.2, 0.3];
 fn a_car_that_passes_a_wall_and_poles_moves_and_nothing_else_does() {
     for velocity in [[-8.0, 0.0], [3.0, 0.0], [-17.0, 0.5]] {
         let things = [street(), vec![car(velocity)]].concat();
-        scan(&things, &TIMES).check(Some((things.len() - 1, velocity.map(crate::views::to_f32))));
+        scan(&things, &TIMES).check(Some((things.len() - 1, velocity.map(lgs_formats::casts::to_f32))));
     }
 }
 

@@ -5,7 +5,7 @@
 
 use pulp::Simd;
 
-use crate::views::to_f32;
+use lgs_formats::casts::to_f32;
 
 /// Side of the window, pixels.
 pub(super) const WINDOW: usize = 11;

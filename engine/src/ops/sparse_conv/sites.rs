@@ -110,13 +110,13 @@ fn key_of(coord: &[i32; 4], row: usize) -> Result<u64> {
 /// Fails when 32 bits do not count so many.
 ///
 /// # Errors
-/// [`EngineError::Setting`] for `--frames`: fewer of them have fewer points.
+/// [`EngineError::Setting`] for the frames: fewer of them have fewer points.
 pub(super) fn check_count(what: &str, count: usize) -> Result<()> {
     if u32::try_from(count).is_ok() {
         return Ok(());
     }
     Err(EngineError::Setting {
-        setting: "--frames",
+        setting: "frames",
         expected: format!("fewer than 2^32 {what}"),
         found: count.to_string(),
     })

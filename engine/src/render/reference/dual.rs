@@ -2,7 +2,8 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::project::NUM_PARAMETERS;
+/// Parameters that the footprint's place and shape depend on: mean 3, quaternion 4, scale 3.
+pub(super) const NUM_PARAMETERS: usize = 10;
 
 /// A value and its derivative by each parameter.
 #[derive(Clone, Copy, Debug)]

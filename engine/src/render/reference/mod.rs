@@ -147,12 +147,12 @@ impl Scene {
         Self { camera, projections, footprints }
     }
 
-    /// Nothing: looks from another camera, if it is another one; the scene as it was before then.
+    /// Looks from another camera, if it is another one; the scene as it was before then.
     fn see(&mut self, gaussians: &[Gaussian], camera: Camera) -> Option<Self> {
         (self.camera != camera).then(|| std::mem::replace(self, Self::new(gaussians, camera)))
     }
 
-    /// Nothing: adds to the gradients of all Gaussians what those of their footprints say.
+    /// Adds to the gradients of all Gaussians what those of their footprints say.
     fn add_gradients(
         &self,
         gaussians: &[Gaussian],

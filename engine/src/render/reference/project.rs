@@ -12,8 +12,6 @@ const MARGIN: f64 = 0.3;
 /// Length under which a quaternion is divided by this instead.
 const MIN_NORM: f64 = 1e-12;
 
-/// Parameters that the footprint's place and shape depend on: mean 3, quaternion 4, scale 3.
-pub(super) const NUM_PARAMETERS: usize = 10;
 pub(super) const MEAN: usize = 0;
 pub(super) const QUAT: usize = 3;
 pub(super) const SCALE: usize = 7;

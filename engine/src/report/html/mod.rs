@@ -1,21 +1,18 @@
 //! `report.html`: one file that shows a run, without anything from elsewhere.
 
-mod document;
 mod tables;
 #[cfg(test)]
 mod tests;
-mod text;
 mod views;
+
+use lgs_pages::{count, document, escape, thousands};
 
 use super::{
     metrics::{FIGURES, Metrics, NUM_FULL_IMAGE},
     pictures::PictureKind,
 };
 use crate::views::Role;
-pub use document::document;
 use tables::{figure_table, settings, stage_bars};
-pub use text::escape;
-use text::{count, thousands};
 use views::{legend, views_of};
 
 const STYLE: &str = include_str!("style.css");

@@ -1,9 +1,8 @@
 //! The page's tables: figures, times, settings.
 
-use super::{
-    Page,
-    text::{escape, ranges, thousands},
-};
+use lgs_pages::{escape, ranges, thousands};
+
+use super::Page;
 use crate::{
     densify::Limit,
     evaluate::ViewFigures,

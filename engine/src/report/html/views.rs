@@ -2,7 +2,9 @@
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-use super::{Page, PageView, text::escape};
+use lgs_pages::escape;
+
+use super::{Page, PageView};
 use crate::{
     densify::Thresholds,
     report::{

@@ -3,11 +3,11 @@
 use std::{ffi::OsStr, path::Path};
 
 use anyhow::{Context, Result, bail};
+use lgs_cli::Outcome;
 use lgs_formats::{
     clip_dir::ClipDir,
     importers::{self, Additions, DepthFolder, Selection},
     ply::read_ply,
-    program::Outcome,
     viewer,
     write::write_atomic,
 };

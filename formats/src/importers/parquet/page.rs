@@ -3,6 +3,7 @@
 //! # Source
 //! apache/parquet-format, `README.md`, `Encodings.md`, `Compression.md`, `src/main/thrift/parquet.thrift`.
 
+use ruzstd::decoding::StreamingDecoder;
 use std::ops::Range;
 
 use flate2::{Crc, bufread::MultiGzDecoder};
@@ -276,7 +277,8 @@ fn unpack(at: &At<'_>, codec: i64, packed: &[u8], size: u64) -> Result<Vec<u8>> 
         }
         2 => read_unpacked(at.file, &kind("gzip"), length, MultiGzDecoder::new(packed))?,
         6 => {
-            let reader = zstd::stream::read::Decoder::with_buffer(packed);
+            // A window larger than what comes out of it would be room for nothing; the format asks for 1 KiB at least.
+            let reader = StreamingDecoder::new_with_max_window_size(packed, size.max(1024));
             let reader = reader.map_err(|e| at.error("bytes of Zstandard", e.to_string()))?;
             read_unpacked(at.file, &kind("Zstandard"), length, reader)?
         }

@@ -5,7 +5,8 @@ use std::{num::NonZeroUsize, path::PathBuf};
 use clap::{Args as Group, Parser, Subcommand, ValueEnum, builder::RangedU64ValueParser};
 use lgs_engine::network::source::ModelSource;
 use lgs_formats::image::ImageSize;
-use lgs_formats::targets::{Normalise, Part, Signal, ZScore};
+use lgs_formats::jobs::Part;
+use lgs_formats::targets::{Normalise, Signal, ZScore};
 
 const MAX_THREADS: u64 = 1024;
 

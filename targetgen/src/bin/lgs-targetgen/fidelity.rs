@@ -4,13 +4,15 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use lgs_cli::threads;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::refine::adam::{AdamRates, adam};
-use lgs_engine::threads;
 use lgs_engine::views::View;
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::branches::Problem;
-use lgs_targetgen::fidelity::{AfterSettings, Effects, Row, Sample, after, at_once, pairs, pictures, rows, table};
+use lgs_targetgen::fidelity::{
+    AfterSettings, CorrelationRow, Effects, Sample, after, at_once, pairs, pictures, rows, table,
+};
 use lgs_targetgen::sample::clip_seed;
 use lgs_targetgen::scene::load_scene;
 
@@ -35,7 +37,7 @@ pub(crate) fn fidelity(args: &FidelityArgs) -> Result<String> {
     let seed = clip_seed(args.scene.seed, "fidelity");
     let sample = Sample::new(&problem, &config, seed, args.sample as usize)?;
     let mut text = String::new();
-    let mut found: Vec<(&str, Vec<Row>)> = Vec::new();
+    let mut found: Vec<(&str, Vec<CorrelationRow>)> = Vec::new();
     let effects = at_once(&problem, &sample);
     let title = format!("at once, after {} steps", args.warm_up);
     text += &section(out, "at-once", &title, (&sample, &effects), &mut found)?;
@@ -58,7 +60,7 @@ fn section(
     key: &'static str,
     title: &str,
     (sample, effects): (&Sample, &Effects),
-    found: &mut Vec<(&'static str, Vec<Row>)>,
+    found: &mut Vec<(&'static str, Vec<CorrelationRow>)>,
 ) -> Result<String> {
     for (name, svg) in pictures(title, sample, effects) {
         write_atomic(&out.join(format!("{key}-{name}")), svg.as_bytes())?;

@@ -5,11 +5,12 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use lgs_engine::{allocator, threads};
-use lgs_formats::program::Outcome;
+use lgs_cli::{Outcome, threads};
+use lgs_engine::allocator;
+use lgs_formats::jobs::choose_part;
 use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
 use lgs_formats::write::write_atomic;
-use lgs_targetgen::job::{self, Job, choose_part, find_clips};
+use lgs_targetgen::job::{self, TargetJob, find_clips};
 use lgs_targetgen::report::{Summary, THRESHOLDS, html, summarise};
 
 use crate::args::{Args, Command, JobArgs, SamplingArgs, SceneArgs};
@@ -60,7 +61,7 @@ fn generate(args: &JobArgs) -> Result<Outcome> {
         with_features: args.with_features,
         ..config(&args.scene, &args.sampling, weights)
     };
-    let job = Job {
+    let job = TargetJob {
         clips: &clips,
         part,
         out: out.to_owned(),

@@ -16,10 +16,7 @@ use lgs_train::scenes::{
     rig::{CAMERA_PLACES, CameraSpec, Rig},
 };
 
-use crate::{
-    ablate_args::AblateArgs, backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs,
-    rates_args::RatesArgs, ship::ShipArgs,
-};
+use crate::{backbone_args::BackboneArgs, finetune_args::FinetuneArgs, policy_args::PolicyArgs, ship::ShipArgs};
 
 /// The coefficients of the lenses that `--fisheye` asks for.
 const FISHEYE: [f64; 4] = [0.02, -0.004, 0.0, 0.0];
@@ -46,10 +43,6 @@ pub(crate) enum Command {
     Finetune(Box<FinetuneArgs>),
     /// Writes a copy of a weights file
     Export(ExportArgs),
-    /// Searches the learning rates of per-scene optimisation, which refinement is compared with
-    Rates(Box<RatesArgs>),
-    /// Measures weights on held-out views: refinement against per-scene optimisation, query, policy, velocities
-    Ablate(Box<AblateArgs>),
     /// Writes weights, or their card, to where builds take from what ships in the programs
     Ship(ShipArgs),
 }

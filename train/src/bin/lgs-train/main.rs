@@ -1,21 +1,31 @@
 //! `lgs-train`: makes scenes to train and measure on.
 
-mod ablate;
-mod ablate_args;
 mod args;
 mod backbone_args;
 mod finetune_args;
 mod policy_args;
-mod rates;
-mod rates_args;
 mod run;
 mod ship;
 mod stage;
 mod stage_args;
 
-use std::process::ExitCode;
+use std::{error::Error, process::ExitCode};
+
+use lgs_cli::Program;
+use lgs_engine::error::EngineError;
+use lgs_formats::error::FormatError;
+use lgs_train::error::TrainError;
 
 fn main() -> ExitCode {
     lgs_engine::allocator::keep_pages();
-    lgs_formats::program::run("lgs-train", run::run)
+    let program = Program { name: "lgs-train", setting, observe_writing: lgs_formats::write::observe_writing };
+    lgs_cli::run(program, run::run)
+}
+
+/// The setting that an error of the libraries is about.
+fn setting<'e>(error: &'e (dyn Error + 'static)) -> Option<&'e str> {
+    let of_formats = error.downcast_ref().and_then(FormatError::setting);
+    of_formats
+        .or_else(|| error.downcast_ref().and_then(EngineError::setting))
+        .or_else(|| error.downcast_ref().and_then(TrainError::setting))
 }

@@ -1,7 +1,7 @@
 //! Acts on parsed flags.
 
 use anyhow::{Context, Result, anyhow};
-use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use lgs_cli::progress::Bar;
 use lgs_train::scenes::{
     Scene,
     export::{self, Written},
@@ -20,8 +20,6 @@ pub(crate) fn run(cli: &Cli) -> Result<String> {
         Command::Policy(args) => stage::policy(args),
         Command::Finetune(args) => stage::finetune(args),
         Command::Export(args) => stage::export(args),
-        Command::Rates(args) => crate::rates::rates(args),
-        Command::Ablate(args) => crate::ablate::ablate(args),
         Command::Ship(args) => crate::ship::ship(args),
     }
 }
@@ -34,9 +32,7 @@ fn scenes(args: &ScenesArgs) -> Result<String> {
         export::require_vacant(&planned.dir)?;
     }
     let images: usize = plan.iter().map(|p| p.config.num_frames * p.config.rig.cameras.len()).sum();
-    // Removed from the terminal when it goes out of scope, also by an error.
-    let bar = ProgressBar::new(images as u64).with_finish(ProgressFinish::AndClear);
-    bar.set_style(ProgressStyle::with_template("scenes {wide_bar} {pos}/{len} images {eta}")?);
+    let bar = Bar::new("scenes", images as u64);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build()?;
     let start = std::time::Instant::now();
     let mut total = Written::default();

@@ -6,8 +6,8 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
-use lgs_engine::{network::config::ModelConfig, network::source::load_model, threads};
+use lgs_cli::{progress::Bar, threads};
+use lgs_engine::{network::config::ModelConfig, network::source::load_model};
 use lgs_targetgen::job::find_clips;
 use lgs_train::stages::{
     checkpoint::State,
@@ -112,44 +112,31 @@ fn run<T: Task>(mut state: State<T::Settings>, task: T, args: &RunArgs) -> Resul
     }
     let RunArgs { out, checkpoint_every, validate_every, .. } = args.clone();
     let job = Job { task, out, checkpoint_every, validate_every };
-    let bar = ProgressBar::new(state.settings.optimisation().schedule.steps).with_position(state.step);
-    bar.set_style(ProgressStyle::with_template("train {wide_bar} {pos}/{len} steps {eta} {msg}")?);
+    let bar = Bar::new("train", state.settings.optimisation().schedule.steps);
+    bar.set_position(state.step);
     let watch = Watch { bar };
     train(&mut state, &job, &watch).with_context(|| format!("after {} steps", state.step))?;
-    watch.bar.finish_and_clear();
+    drop(watch);
     let out: &Path = &job.out;
     Ok(format!("{} steps in {}, {} of them skipped", state.step, out.display(), state.skipped))
 }
 
 /// Progress on standard error.
 struct Watch {
-    bar: ProgressBar,
-}
-
-impl Watch {
-    /// A line that stays, also where standard error is no terminal.
-    fn line(&self, text: &str) {
-        if self.bar.is_hidden() {
-            use std::io::Write;
-            // Nobody reads what cannot be written.
-            let _ = writeln!(std::io::stderr(), "{text}");
-        } else {
-            self.bar.println(text);
-        }
-    }
+    bar: Bar,
 }
 
 impl Observer for Watch {
     fn step(&self, step: u64, report: &StepReport<'_>) {
         self.bar.set_position(step);
         let text = format!("{} gradient {:.2e} {:.1} s", report.text, report.gradient, report.seconds);
-        self.bar.set_message(text.clone());
+        self.bar.message(text.clone());
         if self.bar.is_hidden() && (step < 10 || step.is_multiple_of(25)) {
-            self.line(&format!("step {step}: {text}"));
+            self.bar.line(&format!("step {step}: {text}"));
         }
     }
 
     fn validated(&self, step: u64, text: &str) {
-        self.line(&format!("step {step}: validation {text}"));
+        self.bar.line(&format!("step {step}: validation {text}"));
     }
 }

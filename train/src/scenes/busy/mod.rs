@@ -10,12 +10,12 @@ use super::{
     cyclist::cyclist,
     dice::Dice,
     footprint::Footprint,
-    layout::streams,
     lorry::lorry,
     motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Model, Object, Palette},
     road::Road,
     side_street::SideStreet,
+    streams,
     vehicles::{car, person, truck},
 };
 

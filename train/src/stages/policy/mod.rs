@@ -28,8 +28,8 @@ use loss::{Targets, loss, targets};
 /// Tensors of the policy begin so.
 const POLICY: &str = "policy.";
 const PICTURES: &[Picture] = &[
-    Picture { prefixes: &["loss"], title: "loss of the scores", file: "loss.png" },
-    Picture { prefixes: &["gradient"], title: "norm of the gradient", file: "gradient.png" },
+    Picture { prefixes: &["loss"], title: "loss of the scores", file: "loss.svg" },
+    Picture { prefixes: &["gradient"], title: "norm of the gradient", file: "gradient.svg" },
 ];
 
 /// The policy, trained on the targets of clips.

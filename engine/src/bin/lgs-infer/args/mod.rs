@@ -8,6 +8,7 @@ mod values;
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Parser, builder::RangedU64ValueParser};
+use lgs_cli::words;
 use lgs_engine::{
     calibration::{Lenses, Mounts},
     gaussians::motion::Motion,
@@ -15,10 +16,10 @@ use lgs_engine::{
     photometry::Colours,
     pipeline::HoldOut,
     plan::Named,
+    words::Words,
 };
 use lgs_formats::{frame_list::FrameList, image::ImageSize};
 
-use recipe::CHOSEN_BY_BUDGET;
 pub(crate) use recipe::RecipeArgs;
 pub(crate) use values::{PathArg, ViewsArg, word};
 use values::{budget, pictures, rate, seconds};
@@ -52,12 +53,12 @@ pub(crate) struct Args {
     pub(crate) weights: ModelSource,
 
     /// A point on the measured front of speed and accuracy, which the flags given beside it change [default: what each flag says]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = words(Named::WORDS))]
     pub(crate) preset: Option<Named>,
 
     /// Seconds from the start of the program until the scene is finished: picks what is probably the best that fits, from recorded times;
     /// views are drawn and files written after it; with --weights tiny or none [default: none]
-    #[arg(long, value_name = "S", value_parser = budget, conflicts_with_all = CHOSEN_BY_BUDGET)]
+    #[arg(long, value_name = "S", value_parser = budget, conflicts_with = "preset")]
     pub(crate) time_budget: Option<f64>,
 
     #[command(flatten)]
@@ -81,21 +82,21 @@ pub(crate) struct Args {
     pub(crate) hold_out: HoldOut,
 
     /// Where the velocities of the LiDAR Gaussians come from at first
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = words(Motion::WORDS), default_value = Motion::default().word())]
     pub(crate) motion: Motion,
 
     /// Which lens distortion the images have: `auto`, what the clip states unless the returns say that the images were rectified before;
     /// `stated`
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = words(Lenses::WORDS), default_value = Lenses::default().word())]
     pub(crate) lenses: Lenses,
 
     /// Where the cameras of a rig are mounted against each other: `auto`, where the clip states unless returns that two of them show look alike
     /// only when they are turned or moved; `stated`
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = words(Mounts::WORDS), default_value = Mounts::default().word())]
     pub(crate) mounts: Mounts,
 
     /// Whether cameras that show the same places in other colours are brought to common ones: `auto` or `as-taken`
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = words(Colours::WORDS), default_value = Colours::default().word())]
     pub(crate) colours: Colours,
 
     /// The camera to whose colours and mount the others are brought [default: the first; for mounts the one against which the others are

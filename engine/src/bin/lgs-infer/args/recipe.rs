@@ -3,20 +3,6 @@
 use clap::{Arg, ArgMatches, Args, Command, Error, FromArgMatches, builder::PossibleValue};
 use lgs_engine::recipe::{KNOBS, Knob, Recipe};
 
-/// Flags that a time budget decides on.
-pub(super) const CHOSEN_BY_BUDGET: [&str; 10] = [
-    "preset",
-    "refine-steps",
-    "refine-with",
-    "refine-views",
-    "refine-reduce",
-    "line-search",
-    "density",
-    "query",
-    "background",
-    "coarseness",
-];
-
 /// What of the recipe was asked for, in the order of the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RecipeArgs(Vec<(&'static str, String)>);
@@ -38,8 +24,12 @@ impl RecipeArgs {
     }
 }
 
+/// The flag of the time budget.
+const TIME_BUDGET: &str = "time_budget";
+
 fn flag(knob: &'static Knob) -> Arg {
     let flag = Arg::new(knob.name).long(knob.name).help(knob.help);
+    let flag = if knob.by_budget { flag.conflicts_with(TIME_BUDGET) } else { flag };
     let read = |text: &str| (knob.set)(&mut Recipe::default(), text).map(|()| text.to_owned());
     if knob.words.is_empty() {
         return flag.value_name(knob.value).value_parser(read);
@@ -47,14 +37,9 @@ fn flag(knob: &'static Knob) -> Arg {
     let words: Vec<PossibleValue> = knob
         .words
         .iter()
-        .map(|&(word, help)| PossibleValue::new(word).help(help).aliases(aliases(knob, word)))
+        .map(|&(word, help)| PossibleValue::new(word).help(help).aliases(knob.aliases(word)))
         .collect();
     flag.value_name(knob.value).value_parser(words)
-}
-
-/// Other words that are understood.
-fn aliases(knob: &Knob, word: &str) -> Option<&'static str> {
-    (knob.name == "background" && word == "off").then_some("none")
 }
 
 impl Args for RecipeArgs {

@@ -93,7 +93,7 @@ fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence>
     pixels
 }
 
-/// Nothing: fills pixels between returns, above and below or left and right, that agree; linear in inverse depth, as planes are.
+/// Fills pixels between returns, above and below or left and right, that agree; linear in inverse depth, as planes are.
 fn interpolate(pixels: &mut [Evidence], width: usize) {
     let known: Vec<Evidence> = pixels.to_vec();
     let height = known.len() / width;
@@ -125,7 +125,7 @@ fn interpolate(pixels: &mut [Evidence], width: usize) {
     }
 }
 
-/// Nothing: tells sky by its colour, learned from smooth, bright pixels above the horizon and all returns.
+/// Tells sky by its colour, learned from smooth, bright pixels above the horizon and all returns.
 fn mark_sky(pixels: &mut [Evidence], level: &Reduced, measured: &[bool], upward: &[bool]) {
     let of = |wanted: &dyn Fn(usize) -> bool| -> Vec<[u8; 3]> {
         (0..pixels.len()).filter(|&i| wanted(i)).map(|i| level.colours[i]).collect()

@@ -43,7 +43,7 @@ impl Ground {
                 plane = solve(weighted_normal_equations(&cells, plane, tolerance));
             }
         }
-        let [a, b, c] = plane.map(crate::views::to_f32);
+        let [a, b, c] = plane.map(lgs_formats::casts::to_f32);
         let plane = Self { slope: [a, b], height: c };
         [a, b, c].iter().all(|v| v.is_finite()).then_some(plane)
     }

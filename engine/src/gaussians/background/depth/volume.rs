@@ -157,7 +157,7 @@ fn seen([x, y, z]: [f32; 3], source: &PinholeView) -> Option<Projected> {
     inside.then_some(Projected { u, v, depth: z })
 }
 
-/// Nothing: lowers the costs (grey levels) of the depths of `pixel` to those against `source`.
+/// Lowers the costs (grey levels) of the depths of `pixel` to those against `source`.
 fn match_along_ray(
     costs: &mut [f32; NUM_DEPTHS],
     level: &Level,

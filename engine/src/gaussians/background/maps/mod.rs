@@ -10,8 +10,7 @@ use self::align::{Line, Pair};
 use super::{
     Sheet,
     depth::{self, Map, Trust},
-    emit::is_ignored,
-    slant,
+    is_ignored, slant,
 };
 use crate::{
     points::PointCloud,

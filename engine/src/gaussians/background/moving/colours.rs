@@ -1,9 +1,8 @@
 //! Whether the colours of pixels go with a moving thing or with what stands.
 
-use super::{
-    Thing,
-    outline::{Outline, whole},
-};
+use lgs_formats::casts::whole;
+
+use super::{Thing, outline::Outline};
 use crate::{
     gaussians::background::Sheet,
     points::{moved, sample},

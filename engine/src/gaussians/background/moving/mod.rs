@@ -8,7 +8,7 @@ mod nearest;
 mod outline;
 
 use self::{colours::Pixels, nearest::Nearest, outline::Outline};
-use super::{Sheet, depth::Trust, emit::is_ignored, gaps::continued};
+use super::{Sheet, depth::Trust, gaps::continued, is_ignored};
 use crate::{
     gaussians::motion::{Flow, Movement, STANDS},
     points::{PointCloud, moved, samples_of},
@@ -45,7 +45,7 @@ pub(super) fn things(cloud: &PointCloud, movement: &Movement) -> Vec<Thing> {
     }
     for thing in &mut things {
         let sum: f64 = thing.returns.iter().map(|&(_, time)| f64::from(time)).sum();
-        thing.time = crate::views::to_f32(sum / thing.returns.len().max(1) as f64);
+        thing.time = lgs_formats::casts::to_f32(sum / thing.returns.len().max(1) as f64);
     }
     things
 }

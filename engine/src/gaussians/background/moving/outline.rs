@@ -1,5 +1,7 @@
 //! Where in an image the pixels of a moving thing may be.
 
+use lgs_formats::casts::whole;
+
 use crate::views::{DepthSample, View};
 
 /// How far beside, above and below its returns a thing may reach, shares of their width and height in the image.
@@ -54,9 +56,4 @@ impl Outline {
     pub(super) fn index(&self, row: usize, column: usize) -> usize {
         (row - self.rows.start) * self.columns.len() + column - self.columns.start
     }
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "callers pass counts of pixels")]
-pub(super) fn whole(value: f32) -> usize {
-    value.max(0.0) as usize
 }

@@ -1,0 +1,105 @@
+//! Which views a step looks at.
+
+use std::num::NonZeroUsize;
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::views::View;
+
+/// How many views a step looks at, in random turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ViewSchedule {
+    /// Views of a step; `None` for all of them.
+    pub views_per_step: Option<NonZeroUsize>,
+    /// Decides on the turns.
+    pub seed: u64,
+}
+
+impl ViewSchedule {
+    /// The views of a step, in their order: all, or as many as a step looks at, in turns each of which has every view once in an order of
+    /// its own.
+    pub fn of_step<'a>(&self, step: usize, views: &[&'a View]) -> Vec<&'a View> {
+        self.indices(step, views.len()).into_iter().map(|k| views[k]).collect()
+    }
+
+    /// Whether every step looks at all of so many views.
+    pub fn take_all(&self, num_views: usize) -> bool {
+        self.views_per_step.is_none_or(|count| count.get() >= num_views)
+    }
+
+    fn indices(&self, step: usize, num_views: usize) -> Vec<usize> {
+        let Some(per_step) = self.views_per_step.map(NonZeroUsize::get).filter(|&count| count < num_views) else {
+            return (0..num_views).collect();
+        };
+        let mut orders = Orders { seed: self.seed, num_views, last: None };
+        let mut chosen: Vec<usize> = (step * per_step..(step + 1) * per_step).map(|place| orders.at(place)).collect();
+        chosen.sort_unstable();
+        chosen.dedup();
+        chosen
+    }
+}
+
+/// The orders of the turns; the last one is kept.
+struct Orders {
+    seed: u64,
+    num_views: usize,
+    last: Option<(usize, Vec<usize>)>,
+}
+
+impl Orders {
+    /// The view at a place of the sequence of all turns.
+    fn at(&mut self, place: usize) -> usize {
+        let turn = place / self.num_views;
+        let order = match self.last.take() {
+            Some((of, order)) if of == turn => order,
+            _ => self.order(turn),
+        };
+        let view = order[place % self.num_views];
+        self.last = Some((turn, order));
+        view
+    }
+
+    fn order(&self, turn: usize) -> Vec<usize> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(turn as u64);
+        let mut order: Vec<(u64, usize)> = (0..self.num_views).map(|view| (rng.next_u64(), view)).collect();
+        order.sort_unstable();
+        order.into_iter().map(|(_, view)| view).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ViewSchedule;
+
+    fn schedule(views_per_step: usize, seed: u64) -> ViewSchedule {
+        ViewSchedule { views_per_step: std::num::NonZeroUsize::new(views_per_step), seed }
+    }
+
+    #[test]
+    fn every_view_has_its_turn() {
+        let mut counts = [0; 6];
+        for step in 0..20 {
+            let views = schedule(3, 4).indices(step, 6);
+            assert!(views.is_sorted() && views.len() == 3, "{views:?}");
+            views.into_iter().for_each(|view| counts[view] += 1);
+        }
+        assert_eq!(counts, [10; 6]);
+        let first = |seed| (0..9).map(|step| schedule(3, seed).indices(step, 6)).collect::<Vec<_>>();
+        assert_eq!(first(4), first(4));
+        assert_ne!(first(4), first(5));
+        assert!(!schedule(3, 4).take_all(6));
+    }
+
+    #[test]
+    fn no_limit_or_one_that_is_no_less_means_all() {
+        for limit in [0, 4, 9] {
+            assert_eq!(schedule(limit, 0).indices(3, 4), [0, 1, 2, 3]);
+            assert!(schedule(limit, 0).take_all(4));
+        }
+        // The turns do not fit together with the steps: a view that two turns give to one step counts once.
+        let views = schedule(2, 1).indices(1, 3);
+        assert!((1..=2).contains(&views.len()));
+    }
+}

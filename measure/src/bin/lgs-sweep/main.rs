@@ -1,0 +1,35 @@
+//! `lgs-sweep`: clips in, a measured trade of time against accuracy out.
+
+mod ablate;
+mod ablate_args;
+mod apart;
+mod args;
+mod grid_args;
+mod progress;
+mod rates;
+mod rates_args;
+mod run;
+mod scaling;
+mod scaling_args;
+mod values;
+
+use std::{error::Error, process::ExitCode};
+
+use lgs_cli::Program;
+use lgs_engine::error::EngineError;
+use lgs_formats::error::FormatError;
+use lgs_measure::error::MeasureError;
+
+fn main() -> ExitCode {
+    lgs_engine::allocator::keep_pages();
+    let program = Program { name: "lgs-sweep", setting, observe_writing: lgs_formats::write::observe_writing };
+    lgs_cli::run(program, run::run)
+}
+
+/// The setting that an error of the libraries is about.
+fn setting<'e>(error: &'e (dyn Error + 'static)) -> Option<&'e str> {
+    let of_formats = error.downcast_ref().and_then(FormatError::setting);
+    of_formats
+        .or_else(|| error.downcast_ref().and_then(EngineError::setting))
+        .or_else(|| error.downcast_ref().and_then(MeasureError::setting))
+}

@@ -1,0 +1,96 @@
+//! One configuration of a reconstruction: a recipe and weights.
+
+use lgs_engine::{
+    densify::{Density, Scope},
+    gaussians::background::Mode,
+    recipe::{Recipe, word},
+    refine::LineSearch,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{MeasureError, Result};
+
+/// Weights, apart from where they lie.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weights {
+    /// What people call them: the name of the file, or that of weights that ship.
+    pub name: String,
+    /// SHA-256 of the file; for seeded weights `random:` and that of the config.
+    pub sha256: String,
+}
+
+/// One configuration of a reconstruction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setting {
+    /// Of the network; `None` for a recipe without one.
+    pub weights: Option<Weights>,
+    /// The recipe.
+    pub recipe: Recipe,
+}
+
+impl Setting {
+    /// Whether it is the reference: per-scene optimisation without a network.
+    pub const fn is_reference(&self) -> bool {
+        self.weights.is_none()
+    }
+
+    /// Whether it is the same as another but for the steps of per-scene optimisation.
+    pub fn differs_in_steps_only(&self, other: &Self) -> bool {
+        let adam_steps = self.recipe.adam_steps;
+        self.weights == other.weights && self.recipe == Recipe { adam_steps, ..other.recipe }
+    }
+
+    /// Steps of both refinements.
+    pub const fn steps(&self) -> usize {
+        self.recipe.refine_steps + self.recipe.adam_steps
+    }
+
+    /// A text that tells it from every other.
+    ///
+    /// # Errors
+    /// Never: it holds nothing that JSON cannot say.
+    pub fn identity(&self) -> Result<String> {
+        serde_json::to_string(self).map_err(|source| MeasureError::Json { what: "configuration", source })
+    }
+
+    /// A name for people, of what is not as usual.
+    pub fn name(&self) -> String {
+        let (mut parts, recipe) = (Vec::new(), &self.recipe);
+        parts.extend(self.weights.as_ref().map(|weights| weights.name.clone()));
+        let plural = if recipe.refine_steps == 1 { "" } else { "s" };
+        parts.extend(recipe.network.then(|| format!("{} step{plural}", recipe.refine_steps)));
+        match recipe.line_search {
+            LineSearch::Every => {}
+            LineSearch::Last => parts.push("line search in the last".to_owned()),
+            LineSearch::Off => parts.push("no line search".to_owned()),
+        }
+        parts.extend((recipe.adam_steps > 0 || !recipe.network).then(|| format!("Adam {}", recipe.adam_steps)));
+        parts.extend(recipe.refine_views.map(|views| format!("{views} views a step")));
+        parts.extend((recipe.refine_reduce > 1).then(|| format!("images 1/{}", recipe.refine_reduce)));
+        if recipe.network {
+            parts.extend((!recipe.query).then(|| "no query".to_owned()));
+            match recipe.density {
+                Density::Policy => {}
+                Density::Exact if recipe.density_scope == Scope::Lidar => {
+                    parts.push("LiDAR pruned by exact effects".to_owned())
+                }
+                Density::Exact => parts.push("pruned by exact effects".to_owned()),
+                Density::Random => parts.push("density by chance".to_owned()),
+                Density::Off => parts.push("no policy".to_owned()),
+            }
+            if recipe.density != Density::Off && !recipe.thresholds.are_usual() {
+                parts.push(format!("theta {}", recipe.thresholds.prune));
+            }
+            parts.extend(recipe.max_gaussians.map(|most| format!("at most {most}")));
+        }
+        match recipe.background {
+            Mode::Auto => {}
+            Mode::Off => parts.push("no background".to_owned()),
+            other => parts.push(format!("background {}", word(&other))),
+        }
+        parts.extend((!recipe.coarseness.is_usual()).then(|| format!("coarseness {}", recipe.coarseness)));
+        parts.join(", ")
+    }
+}
