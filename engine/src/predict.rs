@@ -131,7 +131,7 @@ fn check_outputs(left_out: &LeftOut, count: usize) -> Result<()> {
     let Some(first) = left_out.not_finite.first() else { return Ok(()) };
     let skipped = left_out.not_finite.len();
     let found = format!("others for {skipped} of {count}, the first of them Gaussian {first}");
-    Err(EngineError::Setting { setting: "--weights", expected: "finite outputs of the network".to_owned(), found })
+    Err(EngineError::Setting { setting: "weights", expected: "finite outputs of the network".to_owned(), found })
 }
 
 /// Scores `[N]` of pruning and of adding for the `LiDAR` branch; `None` when the model has no policy.

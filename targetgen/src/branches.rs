@@ -8,7 +8,7 @@ use lgs_engine::gaussians::{GaussianSet, MEAN};
 use lgs_engine::loss::{LossWeights, image_loss};
 use lgs_engine::render::{Projection, backward_visible};
 use lgs_engine::views::View;
-use lgs_formats::targets::TargetsConfig;
+use lgs_formats::targets::{Signal, TargetsConfig};
 
 use crate::response::{Maxima, Row, zero_non_finite};
 use crate::sample::{displacement, sampled};
@@ -51,8 +51,18 @@ impl Round {
         Self { chosen, removed, copies }
     }
 
-    /// The rounds of a clip's seed.
+    /// All primitives of the `LiDAR` branch, without copies: for what needs no sampling.
+    #[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 Gaussians")]
+    fn whole(set: &GaussianSet) -> Self {
+        let chosen = (0..set.num_lidar as u32).collect();
+        Self { chosen, removed: vec![true; set.num_lidar], copies: GaussianSet::default() }
+    }
+
+    /// The rounds of a clip's seed; one that has everything for the exact signal.
     pub fn all(set: &GaussianSet, config: &TargetsConfig, seed: u64) -> Vec<Self> {
+        if config.signal == Signal::Exact {
+            return vec![Self::whole(set)];
+        }
         (0..config.rounds).map(|round| Self::new(set, config, seed, round)).collect()
     }
 }

@@ -10,6 +10,7 @@ use crate::delta::{
     ActionDeltas, Deltas, NeighbourSets, footprint_deltas, magnitude_deltas, merge_rounds, response_deltas,
 };
 use crate::error::Result;
+use crate::exact::{exact, of_rounds};
 use crate::footprint::footprints;
 use crate::scene::PredictedScene;
 use crate::target::{Targets, stored, targets};
@@ -64,7 +65,10 @@ pub(crate) fn lap(from: &mut Instant, to: &mut f64) {
 
 /// Rendering passes of a clip: views times branches.
 pub fn num_passes(config: &TargetsConfig, views: usize) -> usize {
-    let branches = if config.signal == Signal::Magnitude { 1 } else { 1 + 2 * usize::from(config.rounds) };
+    let branches = match config.signal {
+        Signal::Magnitude | Signal::Exact => 1,
+        Signal::Response | Signal::Footprint => 1 + 2 * usize::from(config.rounds),
+    };
     views * branches
 }
 
@@ -94,6 +98,12 @@ pub fn deltas(problem: &Problem<'_>, config: &TargetsConfig, seed: u64, seconds:
             let gradients = branch_gradients(problem, &[]);
             lap(&mut clock, &mut seconds.render);
             magnitude_deltas(&gradients.original, &rounds)
+        }
+        Signal::Exact => {
+            lap(&mut clock, &mut seconds.sample);
+            let found = exact(problem);
+            lap(&mut clock, &mut seconds.render);
+            of_rounds(&found, &rounds)
         }
     };
     let merged = merge_rounds(&rounds, &by_round);

@@ -14,6 +14,8 @@ pub mod footprint;
 
 pub mod delta;
 
+pub mod exact;
+
 pub mod target;
 
 pub mod reference;

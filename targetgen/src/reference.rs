@@ -1,5 +1,7 @@
 //! The slow twins: the same in the order of the formulas, with nothing shared between branches.
 
+mod exact;
+
 use lgs_engine::gaussians::physical::to_physical;
 use lgs_engine::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
 use lgs_engine::loss::{LossCounts, loss_map};
@@ -18,6 +20,7 @@ pub fn deltas(problem: &Problem<'_>, rounds: &[Round], config: &TargetsConfig) -
         Signal::Response => response(problem, round, config),
         Signal::Footprint => footprint(problem, round),
         Signal::Magnitude => magnitude(problem, round),
+        Signal::Exact => exact::deltas(problem, round),
     };
     rounds.iter().map(of).collect()
 }

@@ -1,6 +1,7 @@
 //! The one test binary of the workspace. Cases that cannot run on this machine show as ignored, never as passed.
 
 mod cli;
+mod density;
 mod extremes;
 mod golden;
 mod importers;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
     cases.extend(rig::cases());
     cases.extend(shutters::cases());
     cases.extend(cli::cases());
+    cases.extend(density::cases());
     cases.extend(targetgen::cases());
     cases.extend(scaling::cases());
     cases.extend(sweep::cases());

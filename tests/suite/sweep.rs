@@ -184,7 +184,7 @@ fn failures() -> Outcome {
     let (failed, rows) = (list(&page, "failed")?, list(&list(&page, "clips")?[0], "rows")?);
     let said = |row: &Value| {
         let text = |key: &str| row[key].as_str().unwrap_or_default();
-        text("clip") == "street" && text("name").contains("maps") && text("reason").starts_with("background")
+        text("clip") == "street" && text("name").contains("maps") && text("reason").starts_with("--background")
     };
     if failed.is_empty() || !failed.iter().all(said) || rows.len() != 2 {
         return Err(format!("failed: {failed:?}; rows: {rows:?}").into());

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::backward::{by_tile, load_maps};
 use super::blended::over_tiles;
-use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
+use super::constants::{ALPHA_MIN, EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
 use super::forward::TRANSMITTANCE;
 use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
@@ -36,6 +36,8 @@ pub struct PixelCosts {
     pub depth: Vec<f32>,
     /// What an absolute error of 1 m of the expected depth of one pixel costs.
     pub per_depth: f32,
+    /// What all pixels cost together.
+    pub loss: f64,
 }
 
 /// Sums over the pixels of a view for one Gaussian; w its blending weight, s the share of it that is the first half's, r the residual.
@@ -185,6 +187,7 @@ fn walk<S: Simd>(
     let depth = simd.splat_f32s(f.depth);
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
     let (eps, most) = (simd.splat_f32s(EXPECTED_DEPTH_EPS), simd.splat_f32s(MOST_ODDS));
+    let least = simd.splat_f32s(0.5 * ALPHA_MIN);
     let position = simd.splat_f32s(position);
     let mut sums = [zero; SUMS];
     for row in f.rows_in(origin[1]) {
@@ -226,7 +229,10 @@ fn walk<S: Simd>(
             let new = simd.mul_add_f32s(w, simd.sub_f32s(depth_behind, depth), drawn);
             let new_alpha = simd.mul_add_f32s(w, simd.sub_f32s(alpha_behind, one), drawn_alpha);
             let before = simd.sub_f32s(simd.div_f32s(drawn, simd.max_f32s(drawn_alpha, eps)), truth);
-            let after = simd.sub_f32s(simd.div_f32s(new, simd.max_f32s(new_alpha, eps)), truth);
+            // What is left is nothing at all, or as much as one Gaussian shows at least: less is rounding.
+            let left = simd.greater_than_f32s(new_alpha, least);
+            let new = simd.select_f32s(left, simd.div_f32s(new, new_alpha), zero);
+            let after = simd.sub_f32s(new, truth);
             let nearer = simd.sub_f32s(simd.abs_f32s(after), simd.abs_f32s(before));
             let known = simd.and_m32s(live, simd.greater_than_f32s(truth, zero));
             let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);

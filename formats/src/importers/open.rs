@@ -97,7 +97,7 @@ fn read(layout: Layout, path: &Path, selection: &Selection) -> Result<Source> {
             [] => format!("none: a folder of {layout} has one LiDAR, or returns that tell of none"),
             names => format!("one of {}", names.join(", ")),
         };
-        return Err(FormatError::invalid(path, "--lidars", expected, format!("`{unknown}`")));
+        return Err(FormatError::unfit(path, "lidars", expected, format!("`{unknown}`")));
     }
     // Annotations without a single box say nothing: a test split has such tables.
     if source.frames.iter().flatten().all(|frame| frame.boxes.as_ref().is_none_or(Vec::is_empty)) {

@@ -90,12 +90,10 @@ fn choose(path: &Path, name: Option<&str>) -> Result<Found> {
         let expected = format!("a file `*{RECORDS}`, or `{}/*{TABLES}`", components::LIDAR);
         return Err(FormatError::invalid(path, "drive", expected, "none"));
     }
-    let expected = name.map_or_else(
-        || "the name of one, to import it alone (`lgs-clip import waymo SRC --scene NAME`)".to_owned(),
-        |name| format!("`{name}`"),
-    );
+    let expected =
+        name.map_or_else(|| "the name of one, for lgs-clip to import it alone".to_owned(), |name| format!("`{name}`"));
     let more = if known.len() < count { ", ..." } else { "" };
-    Err(FormatError::invalid(path, "--scene", expected, format!("{count} drives: {}{more}", known.join(", "))))
+    Err(FormatError::unfit(path, "scene", expected, format!("{count} drives: {}{more}", known.join(", "))))
 }
 
 /// The frames of a drive.
@@ -112,7 +110,7 @@ pub(super) fn read(path: &Path, selection: &Selection) -> Result<Source> {
     }
     if let Some(scene) = &selection.scene {
         let expected = "none: a file holds one drive";
-        return Err(FormatError::invalid(path, "--scene", expected, format!("`{scene}`")));
+        return Err(FormatError::unfit(path, "scene", expected, format!("`{scene}`")));
     }
     read_record(path, selection)
 }

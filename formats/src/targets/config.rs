@@ -12,6 +12,8 @@ pub enum Signal {
     Footprint,
     /// No intervention: the primitive's own response.
     Magnitude,
+    /// Exact change of the loss without the primitive, and what its halves could gain.
+    Exact,
 }
 
 /// Whose largest gradients the responses are divided by.

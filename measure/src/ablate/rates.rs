@@ -214,6 +214,6 @@ mod tests {
         let search = Search::open(dir.path(), settings()).unwrap();
         search.write(&dir.path().join(SEARCH_FILE)).unwrap();
         let error = Search::open(dir.path(), SearchSettings { marks: vec![9], ..settings() }).unwrap_err();
-        assert!(error.to_string().contains("same settings"), "{error}");
+        assert!(error.to_string().contains("those of this search"), "{error}");
     }
 }

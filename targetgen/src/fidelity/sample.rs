@@ -10,6 +10,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use crate::branches::{BEHIND, Problem, Round, branch_gradients};
 use crate::delta::{Deltas, NeighbourSets, footprint_deltas, magnitude_deltas, merge_rounds, response_deltas};
 use crate::error::{Result, TargetError};
+use crate::exact::{exact, of_rounds};
 use crate::footprint::footprints;
 
 /// A signal with its normalisation.
@@ -23,11 +24,18 @@ pub enum SignalName {
     Footprint,
     /// The response of the original branch alone; one normalisation is as the other.
     Magnitude,
+    /// The exact effect of taking it out, and what its halves could gain; it has no maxima either.
+    Exact,
 }
 
 /// Every signal, in the order of the tables.
-pub const SIGNALS: [SignalName; 4] =
-    [SignalName::ResponseBranch, SignalName::ResponseOriginal, SignalName::Footprint, SignalName::Magnitude];
+pub const SIGNALS: [SignalName; 5] = [
+    SignalName::ResponseBranch,
+    SignalName::ResponseOriginal,
+    SignalName::Footprint,
+    SignalName::Magnitude,
+    SignalName::Exact,
+];
 
 impl SignalName {
     /// How tables call it.
@@ -37,6 +45,7 @@ impl SignalName {
             Self::ResponseOriginal => "response, original",
             Self::Footprint => "footprint",
             Self::Magnitude => "magnitude",
+            Self::Exact => "exact",
         }
     }
 
@@ -47,6 +56,7 @@ impl SignalName {
             Self::ResponseOriginal => "response-original",
             Self::Footprint => "footprint",
             Self::Magnitude => "magnitude",
+            Self::Exact => "exact",
         }
     }
 }
@@ -93,6 +103,7 @@ impl Sample {
             with(Normalise::Original),
             footprint_deltas(footprints(problem, &rounds)),
             magnitude_deltas(&gradients.original, &rounds),
+            of_rounds(&exact(problem), &rounds),
         ]
         .iter()
         .map(|deltas| merge_rounds(&rounds, deltas))

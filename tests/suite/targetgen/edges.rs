@@ -11,11 +11,13 @@ use libtest_mimic::Trial;
 use super::problems::{Made, config, random};
 use super::twin::fast;
 
-const SIGNALS: [Signal; 3] = [Signal::Response, Signal::Footprint, Signal::Magnitude];
+const SIGNALS: [Signal; 4] = [Signal::Response, Signal::Footprint, Signal::Magnitude, Signal::Exact];
 
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
-        case("targetgen::edges::rho_0", || each(&random(60, 1), 0.0, |_, d, _| d.index.is_empty())),
+        case("targetgen::edges::rho_0", || {
+            each(&random(60, 1), 0.0, |signal, d, _| d.index.is_empty() != (signal == Signal::Exact))
+        }),
         case("targetgen::edges::rho_1", rho_1),
         case("targetgen::edges::fewer_than_k_plus_1", || each(&random(5, 2), 0.5, |_, d, _| !d.index.is_empty())),
         case("targetgen::edges::one_primitive", one_primitive),
@@ -55,7 +57,8 @@ fn any(mask: &[bool]) -> bool {
 /// All are removed: nobody is left to respond, so pruning has no targets; adding has.
 fn rho_1() -> Outcome {
     each(&random(40, 3), 1.0, |signal, deltas, targets| {
-        let all = deltas.index.len() == 40 && deltas.samples.iter().all(|&count| count == 3);
+        let rounds = if signal == Signal::Exact { 1 } else { 3 };
+        let all = deltas.index.len() == 40 && deltas.samples.iter().all(|&count| count == rounds);
         all && any(&targets.add.mask) && (signal != Signal::Response || !any(&targets.prune.mask))
     })
 }

@@ -20,6 +20,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         ("response_original", Signal::Response, Normalise::Original),
         ("footprint", Signal::Footprint, Normalise::Branch),
         ("magnitude", Signal::Magnitude, Normalise::Branch),
+        ("exact", Signal::Exact, Normalise::Branch),
     ];
     let mut cases = Vec::new();
     for (name, signal, normalise) in kinds {

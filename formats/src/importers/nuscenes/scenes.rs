@@ -59,8 +59,8 @@ pub(super) fn choose(folder: &Path, name: Option<&str>) -> Result<Chosen> {
         [one] => folder.join(one).join("scene.json"),
         _ => folder.to_owned(),
     };
-    let expected = name
-        .map_or_else(|| "the name of one, to import it alone as `scene NAME`".to_owned(), |name| format!("`{name}`"));
+    let expected =
+        name.map_or_else(|| "the name of one, for lgs-clip to import it alone".to_owned(), |name| format!("`{name}`"));
     let found = format!("{num_scenes} scenes: {}{more}", known.join(", "));
     Err(FormatError::unfit(&place, "scene", expected, found))
 }

@@ -7,11 +7,12 @@ use lgs_formats::image::ImageSize;
 use lgs_measure::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 21] = [
+const OTHERS: [&str; 22] = [
     "clips",
     "refine-steps",
     "query",
     "density",
+    "density-scope",
     "theta",
     "max-gaussians",
     "background",

@@ -55,7 +55,8 @@ pub(crate) struct JobArgs {
     pub(crate) sampling: SamplingArgs,
 
     /// What the effect of an action is measured by: `response`: change of the neighbours' gradient responses; `footprint`: change
-    /// of the loss under the primitive's own blending weights; `magnitude`: no intervention, the primitive's own response
+    /// of the loss under the primitive's own blending weights; `magnitude`: no intervention, the primitive's own response;
+    /// `exact`: exact change of the loss without the primitive, and what its halves could gain, of all primitives without sampling
     #[arg(long, value_enum, default_value_t = SignalArg::Response)]
     pub(crate) signal: SignalArg,
 
@@ -232,6 +233,7 @@ pub(crate) enum SignalArg {
     Response,
     Footprint,
     Magnitude,
+    Exact,
 }
 
 /// `--normalise`.
@@ -254,6 +256,7 @@ impl From<SignalArg> for Signal {
             SignalArg::Response => Self::Response,
             SignalArg::Footprint => Self::Footprint,
             SignalArg::Magnitude => Self::Magnitude,
+            SignalArg::Exact => Self::Exact,
         }
     }
 }
