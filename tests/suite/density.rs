@@ -88,7 +88,7 @@ fn limit() -> Outcome {
         (&["--max-gaussians", "30%", "--density-scope", "lidar"], lidar * 30 / 100 + behind),
     ] {
         let page = infer(place.path(), "out", &[["--density", "exact"].as_slice(), flags].concat())?;
-        metrics::expect_promised_keys(&page)?;
+        metrics::expect_network_keys(&page)?;
         let (last, left) = (count(&page, "final")?, count(&page, "background")?);
         let pruned = (count(&page, "pruned")?, count(&page, "background_pruned")?);
         if last + left != want || (lidar - last, behind - left) != pruned {

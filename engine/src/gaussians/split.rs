@@ -1,9 +1,9 @@
 //! A Gaussian as two: which halves together look like it.
 //!
 //! # Formula
-//! Along the axis that is split the halves stand `0.4` standard deviations to either side. Their size along and across it, and their opacity,
+//! Along the axis that is split the halves stand `0.3` standard deviations to either side. Their size along and across it, and their opacity,
 //! are those with the least squared difference between `1 - (1 - a)(1 - b)` of the halves and the alpha of the whole, over the plane:
-//! [`FITS`], linear between its rows. Left over are 37 dB for an opaque Gaussian and more for others.
+//! [`FITS`], linear between its rows. Left over are 36 dB for an opaque Gaussian and more for others.
 
 use glam::{DQuat, DVec3};
 use lgs_formats::casts::to_f32;
@@ -12,20 +12,20 @@ use super::physical::{Splat, splat_of};
 use super::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES};
 
 /// Distance of a half from the whole's centre, standard deviations.
-const OFFSET: f64 = 0.4;
+const OFFSET: f64 = 0.3;
 /// Size along the axis, size across it and opacity of the halves of a Gaussian of size 1 whose opacity is the row's place in tenths.
 const FITS: [[f64; 3]; 11] = [
-    [0.9081, 0.9999, 0.0000],
-    [0.9010, 0.9947, 0.0562],
-    [0.8933, 0.9891, 0.1153],
-    [0.8851, 0.9831, 0.1775],
-    [0.8763, 0.9767, 0.2434],
-    [0.8670, 0.9699, 0.3136],
-    [0.8570, 0.9627, 0.3886],
-    [0.8464, 0.9549, 0.4694],
-    [0.8351, 0.9467, 0.5568],
-    [0.8231, 0.9381, 0.6519],
-    [0.8106, 0.9294, 0.7552],
+    [0.9515, 0.9999, 0.0000],
+    [0.9450, 0.9945, 0.0537],
+    [0.9380, 0.9886, 0.1102],
+    [0.9305, 0.9823, 0.1696],
+    [0.9224, 0.9755, 0.2327],
+    [0.9137, 0.9682, 0.2999],
+    [0.9042, 0.9603, 0.3720],
+    [0.8939, 0.9517, 0.4501],
+    [0.8826, 0.9423, 0.5354],
+    [0.8703, 0.9321, 0.6295],
+    [0.8571, 0.9213, 0.7338],
 ];
 
 /// How a Gaussian of an opacity is halved.
