@@ -4,6 +4,7 @@ use std::env;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use lgs_engine::network::shipped;
 use lgs_engine::network::source::load_model;
@@ -35,8 +36,20 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("install::the_package_of_all_programs_has_all", has_all),
         case_if(&patience, "install::with_cargo", with_cargo),
         case_if(&on_path("maturin"), "install::as_a_wheel", as_a_wheel),
-        case_if(&on_path("docker"), "install::in_a_container", in_a_container),
+        case_if(&docker(), "install::in_a_container", in_a_container),
     ]
+}
+
+/// A client without its server can do nothing.
+fn docker() -> Needed {
+    if env::var_os("LGS_INSTALL").is_none() {
+        return Needed::Missing("LGS_INSTALL to be set, since it builds for minutes".to_owned());
+    }
+    let answers = Command::new("docker").arg("info").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    match answers {
+        Ok(status) if status.success() => Needed::Here,
+        _ => Needed::Missing("docker with its server".to_owned()),
+    }
 }
 
 fn on_path(program: &str) -> Needed {

@@ -1,6 +1,6 @@
 //! Exact nearest neighbours of the points of a set.
 //!
-//! In space alone `kiddo` searches ([`Space`]). At other timestamps only, and where ties must go by index, a tree of our own does: it skips
+//! What is near a place `kiddo` finds ([`Space`]). Neighbours of the points themselves, ties by index, a tree of our own finds: it skips
 //! what is of one timestamp, and asks for all points of a leaf together. Host only: indices have no gradient.
 
 mod batch;

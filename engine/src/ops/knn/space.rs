@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::{NO_NEIGHBOUR, check_points};
+use super::{check_points, nearest_of, squared_distance};
 use crate::error::Result;
 
 /// Points that can be asked which of them are nearest to a place.
@@ -57,30 +57,18 @@ impl Space {
     }
 }
 
-/// The `k` nearest other points of the points `queries`, nearest first, of each as many as there are when fewer exist.
+/// The `k` nearest other points of the points `queries`, nearest first, of each as many as there are when fewer exist: by the tree of our own, to
+/// which a million points at one place are no trouble.
 ///
 /// # Errors
-/// Those of [`Space::new`], and a query beyond the points.
+/// Those of [`nearest_of`].
 pub fn nearest_in_space(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Vec<Vec<Near>>> {
-    if let Some(query) = queries.iter().find(|&&query| query as usize >= points.len() || query == NO_NEIGHBOUR) {
-        let message = format!("queries: expected indices below {}, found {query}", points.len());
-        return Err(candle_core::Error::Msg(message).into());
-    }
-    if queries.is_empty() {
-        check_points(points)?;
-        return Ok(Vec::new());
-    }
-    let space = Space::new(points)?;
-    let others = |&query: &u32| {
-        let mut found = space.nearest(&points[query as usize], k.saturating_add(1));
-        // Of many points at one place, the query itself may not be among the first.
-        match found.iter().position(|near| near.index == query) {
-            Some(own) => drop(found.remove(own)),
-            None => found.truncate(k),
-        }
-        found
+    let found = nearest_of(points, queries, k)?;
+    let near = |(row, &query): (usize, &u32)| {
+        let squared = |&index: &u32| squared_distance(&points[query as usize], &points[index as usize]);
+        found.of(row).iter().map(|index| Near { squared: squared(index), index: *index }).collect()
     };
-    Ok(queries.par_iter().with_min_len(256).map(others).collect())
+    Ok(queries.par_iter().enumerate().with_min_len(256).map(|(row, query)| near((row, query))).collect())
 }
 
 #[cfg(test)]
@@ -123,7 +111,7 @@ mod tests {
         assert!(Space::new(&[]).unwrap().nearest(&[0.0; 3], 4).is_empty());
         assert!(Space::new(&[]).unwrap().within(&[0.0; 3], 4.0).is_empty());
         assert!(nearest_in_space(&[], &[], 3).unwrap().is_empty());
-        assert!(nearest_in_space(&[[0.0; 3]; 2], &[2], 1).unwrap_err().to_string().contains("below 2, found 2"));
+        assert!(nearest_in_space(&[[0.0; 3]; 2], &[2], 1).is_err());
         assert!(nearest_in_space(&[[0.0, f32::NAN, 0.0]], &[], 1).unwrap_err().to_string().contains("point 0, y"));
     }
 

@@ -235,7 +235,7 @@ fn lidars_can_be_chosen() -> Outcome {
     let kitti = Selection { lidars: Some(vec!["TOP".to_owned()]), ..Selection::default() };
     let message = importers::open_as(Layout::KittiRaw, &fixture("kitti"), &kitti).map_err(|e| e.to_string());
     match message {
-        Err(message) if message.contains("--lidars: expected none: a folder of kitti-raw has one LiDAR") => Ok(()),
+        Err(message) if message.contains("lidars: expected none: a folder of kitti-raw has one LiDAR") => Ok(()),
         other => Err(format!("{other:?}").into()),
     }
 }
