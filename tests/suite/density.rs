@@ -99,6 +99,9 @@ fn limit() -> Outcome {
             return Err(format!("{flags:?}: {} {}", page["gaussians"], page["config"]).into());
         }
     }
+    let street = clips::street();
+    let unfit = [street.as_os_str(), "--weights".as_ref(), "none".as_ref(), "--density".as_ref(), "exact".as_ref()];
+    run(&binary("lgs-infer")?, &unfit, place.path())?.expect_refusal(&["--density exact", "--weights none"])?;
     let free = infer(place.path(), "free", &["--density", "exact"])?;
     let pruned = count(&free, "pruned")? + count(&free, "background_pruned")?;
     if pruned == 0 || 3 * pruned > lidar + behind {

@@ -16,7 +16,10 @@ pub enum Change {
 /// The set after the changes; a second half stands behind all that its branch had.
 ///
 /// # Shapes
-/// `changes` and `axes` `[N]`.
+/// `changes` and `axes` `[N]`; axes, 0 to 2, are those of what is split.
+///
+/// # Panics
+/// When there are fewer changes than Gaussians, or no axis of one that is split.
 pub fn change(set: &GaussianSet, changes: &[Change], axes: &[u8]) -> GaussianSet {
     let mut branches = [0..set.num_lidar, set.num_lidar..set.len()].map(|range| {
         let kept: Vec<usize> = range.clone().filter(|&i| changes[i] != Change::Prune).collect();

@@ -34,7 +34,10 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// That of a scene in its input views, by the mean loss over them.
+    /// That of a scene in its input views: removals by the mean loss over them, the rest as sums over their pixels.
+    ///
+    /// # Formula
+    /// That of [`effects`], with the costs of [`pixel_costs`], compositing also what is behind opaque Gaussians.
     pub fn of(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Self {
         let splats = to_physical(set);
         let pinholes: Vec<_> = views.iter().map(|view| &view.pinhole).collect();

@@ -23,7 +23,8 @@ const WITHOUT_LIMIT: usize = 10;
 pub fn prune(
     scene: &mut GaussianSet,
     views: &[&View],
-    (scope, limit): (Scope, Option<Limit>),
+    scope: Scope,
+    limit: Option<Limit>,
     done: &mut dyn FnMut(),
 ) -> UpdateCounts {
     let count = |scene: &GaussianSet| if scope == Scope::All { scene.len() } else { scene.num_lidar };
@@ -73,7 +74,7 @@ mod tests {
             (Scope::Lidar, Limit::Count(17), [Some(17), Some(37)]),
         ] {
             let (mut pruned, mut rounds) = (scene(0.0), 0);
-            let counts = prune(&mut pruned, &[&view], (scope, Some(limit)), &mut || rounds += 1);
+            let counts = prune(&mut pruned, &[&view], scope, Some(limit), &mut || rounds += 1);
             assert_eq!((rounds, pruned.len()), (ROUNDS, left[1].unwrap()), "{limit}");
             assert!(left[0].is_none_or(|lidar| lidar == pruned.num_lidar), "{limit}");
             assert_eq!(counts.pruned, 60 - pruned.num_lidar);
@@ -87,7 +88,7 @@ mod tests {
         let loss = |set: &GaussianSet| crate::objective::objective(set, &[&view], &LossWeights::default()).loss;
         let before = scene(2.0);
         let mut after = before.clone();
-        let counts = prune(&mut after, &[&view], (Scope::All, None), &mut || ());
+        let counts = prune(&mut after, &[&view], Scope::All, None, &mut || ());
         assert!(counts.pruned > 0 && loss(&after) < loss(&before), "{} {}", loss(&after), loss(&before));
         assert!(after.len() >= before.len() - 3 * (before.len() / WITHOUT_LIMIT));
     }

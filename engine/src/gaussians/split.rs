@@ -53,7 +53,10 @@ impl Halving {
     }
 }
 
-/// The halves of Gaussian `i` along its axis `axis` (0 to 2), raw attributes.
+/// The halves of Gaussian `i` along its axis `axis` (0 to 2), raw attributes: the first to the side to which the axis points.
+///
+/// # Panics
+/// When there is no such Gaussian or axis.
 pub fn halves(set: &GaussianSet, i: usize, axis: usize) -> [[f32; NUM_ATTRIBUTES]; 2] {
     let row = set.attributes[i];
     let splat = splat_of(set, i);
@@ -63,7 +66,8 @@ pub fn halves(set: &GaussianSet, i: usize, axis: usize) -> [[f32; NUM_ATTRIBUTES
         let factor = if k == axis { halving.along } else { halving.across };
         half[LOG_SCALE.start + k] = to_f32((f64::from(splat.scale[k]) * factor).ln());
     }
-    half[LOGIT_OPACITY] = to_f32((halving.opacity / (1.0 - halving.opacity)).ln());
+    // What has no opacity at all stays finite.
+    half[LOGIT_OPACITY] = to_f32((halving.opacity.max(f64::MIN_POSITIVE) / (1.0 - halving.opacity)).ln());
     let step = halving.offset * f64::from(splat.scale[axis]) * axis_of(&splat, axis);
     [1.0, -1.0].map(|side| {
         let mut moved = half;
@@ -84,6 +88,22 @@ pub(crate) fn axis_of(splat: &Splat, axis: usize) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn halves_of_what_is_not_seen_are_finite() {
+        for opacity in [-200.0, 200.0] {
+            let mut row = [0.1; NUM_ATTRIBUTES];
+            row[LOGIT_OPACITY] = opacity;
+            let set = GaussianSet {
+                attributes: vec![row],
+                times: vec![0.0],
+                frames: vec![0],
+                velocities: vec![[0.0; 3]],
+                num_lidar: 1,
+            };
+            assert!(halves(&set, 0, 1).iter().flatten().all(|value| value.is_finite()), "{opacity}");
+        }
+    }
 
     /// The fit is the best there is: other sizes and opacities leave more.
     #[test]

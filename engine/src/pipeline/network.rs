@@ -99,8 +99,7 @@ pub fn run_network(
     if settings.density == Density::Exact {
         MemoryEstimate::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
         update = watch.stage(Stage::SetUpdate, ROUNDS, |progress| {
-            let of = (settings.density_scope, settings.max_gaussians);
-            prune(scene, views, of, &mut || progress.step(Stage::SetUpdate))
+            prune(scene, views, settings.density_scope, settings.max_gaussians, &mut || progress.step(Stage::SetUpdate))
         });
     } else if set_update_skipped.is_none()
         && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&features, scene, model))?
@@ -149,7 +148,8 @@ impl<'a> NetworkSettings<'a> {
         if self.max_gaussians.is_none() {
             return Ok(());
         }
-        let (expected, found) = ("a policy that scores the primitives".to_owned(), found.to_owned());
+        let (expected, found) =
+            ("a policy that scores the primitives, or `density exact`".to_owned(), found.to_owned());
         Err(EngineError::Setting { setting: "max-gaussians", expected, found })
     }
 }

@@ -51,8 +51,15 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
 /// Reconstructs a clip, writes the output and returns what to print.
 fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let start = Instant::now();
-    if args.recipe.value("max-gaussians").is_some() && args.weights == ModelSource::None {
-        bail!("--max-gaussians: expected --weights with a policy that scores the primitives, found --weights none");
+    let prunes = if args.recipe.value("max-gaussians").is_some() {
+        Some("--max-gaussians")
+    } else {
+        (args.recipe.value("density") == Some("exact")).then_some("--density exact")
+    };
+    if let Some(flag) = prunes.filter(|_| args.weights == ModelSource::None) {
+        bail!(
+            "{flag}: expected --weights of a network, behind whose first prediction Gaussians are pruned, found --weights none"
+        );
     }
     plan::check(args)?;
     let threads = threads::set_num_threads(args.threads())?;
