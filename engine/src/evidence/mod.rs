@@ -11,7 +11,7 @@ use crate::objective::BEHIND;
 use crate::render::{Effect, Projection, effects, halving, longest_axes};
 use crate::views::View;
 
-pub use rounds::{ROUNDS, prune};
+pub use rounds::{ROUNDS, prune, survivors};
 
 /// How many of the pixels that hide a Gaussian from the input views show it in views between them, as far as a prior can tell. Held-out PSNR of
 /// half the Gaussians after three learned steps, on the front cameras of two data sets: 22.55 and 29.11 dB at 0, 22.90 and 29.19 at 0.1, 22.86 and

@@ -4,7 +4,7 @@
 //! therefore little, and what is left is looked at again.
 
 use super::Evidence;
-use crate::densify::{Change, Limit, Scope, UpdateCounts, change};
+use crate::densify::{Limit, Scope, UpdateCounts};
 use crate::gaussians::GaussianSet;
 use crate::loss::LossWeights;
 use crate::views::View;
@@ -15,11 +15,41 @@ pub const ROUNDS: usize = 3;
 /// Largest share of the scene, one over this, that goes in a round where no limit asks for more.
 const WITHOUT_LIMIT: usize = 10;
 
-/// Prunes the scene to a limit, or, where there is none, whatever it is better without; `done` is told of every round.
+/// The Gaussians of a scene that stay, in its order, when it is pruned to a limit, or, where there is none, of whatever it is better without;
+/// `done` is told of every round.
 ///
 /// # Formula
 /// Before each round the effects are measured anew; those with the least [`Evidence::costs`] go, ties by index. To a limit: the same share of what
 /// is there in each of [`ROUNDS`]. Without one: those of a negative cost, at most a tenth of the scene a round.
+pub fn survivors(
+    scene: &GaussianSet,
+    views: &[&View],
+    scope: Scope,
+    limit: Option<Limit>,
+    done: &mut dyn FnMut(),
+) -> Vec<usize> {
+    let count = |scene: &GaussianSet| if scope == Scope::All { scene.len() } else { scene.num_lidar };
+    let first = count(scene);
+    let target = limit.map(|limit| limit.of(first).min(first));
+    let mut kept: Vec<usize> = (0..scene.len()).collect();
+    for round in 1..=ROUNDS {
+        let left = of_rows(scene, &kept);
+        let now = count(&left);
+        let most = target.map_or(now / WITHOUT_LIMIT, |target| now.saturating_sub(between(first, target, round)));
+        if most > 0 {
+            let costs = Evidence::of(&left, views, &LossWeights::default()).costs();
+            let mut order: Vec<usize> = (0..now).filter(|&i| target.is_some() || costs[i] < 0.0).collect();
+            order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
+            let mut stays = vec![true; left.len()];
+            order.iter().take(most).for_each(|&i| stays[i] = false);
+            kept = kept.into_iter().zip(stays).filter_map(|(i, stays)| stays.then_some(i)).collect();
+        }
+        done();
+    }
+    kept
+}
+
+/// Prunes a scene to its [`survivors`].
 pub fn prune(
     scene: &mut GaussianSet,
     views: &[&View],
@@ -27,26 +57,15 @@ pub fn prune(
     limit: Option<Limit>,
     done: &mut dyn FnMut(),
 ) -> UpdateCounts {
-    let count = |scene: &GaussianSet| if scope == Scope::All { scene.len() } else { scene.num_lidar };
     let before = [scene.num_lidar, scene.len() - scene.num_lidar];
-    let first = count(scene);
-    let target = limit.map(|limit| limit.of(first).min(first));
-    for round in 1..=ROUNDS {
-        let now = count(scene);
-        let most = target.map_or(now / WITHOUT_LIMIT, |target| now.saturating_sub(between(first, target, round)));
-        if most > 0 {
-            let evidence = Evidence::of(scene, views, &LossWeights::default());
-            let costs = evidence.costs();
-            let mut order: Vec<usize> = (0..now).filter(|&i| target.is_some() || costs[i] < 0.0).collect();
-            order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
-            let mut changes = vec![Change::Keep; scene.len()];
-            order.iter().take(most).for_each(|&i| changes[i] = Change::Prune);
-            *scene = change(scene, &changes, &evidence.axes);
-        }
-        done();
-    }
+    *scene = of_rows(scene, &survivors(scene, views, scope, limit, done));
     let [pruned, background_pruned] = [before[0] - scene.num_lidar, before[1] - (scene.len() - scene.num_lidar)];
     UpdateCounts { pruned, added: 0, background_pruned }
+}
+
+/// The scene of some rows of another, in their order.
+fn of_rows(scene: &GaussianSet, rows: &[usize]) -> GaussianSet {
+    scene.select(rows, rows.partition_point(|&i| i < scene.num_lidar))
 }
 
 /// The number after a round on the way from `first` to `target`, by equal shares.

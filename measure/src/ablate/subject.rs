@@ -43,6 +43,11 @@ impl<'a> Subject<'a> {
         self.session.inputs().views().iter().collect()
     }
 
+    /// The held-out views.
+    pub fn held_out(&self) -> &[View] {
+        &self.held_out
+    }
+
     /// Numbers of input and of held-out views.
     pub fn num_views(&self) -> [usize; 2] {
         [self.session.inputs().views().len(), self.held_out.len()]

@@ -148,7 +148,7 @@ fn one_clip_can_be_learnt() -> Outcome {
     let place = tempfile::tempdir()?;
     let mut settings = settings(STEPS as u64);
     (settings.schedule.peak, settings.crop, settings.max_views) = (5e-3, [48, 80], 2);
-    (settings.perturbed, settings.mirrored, settings.noise) = (0.0, 0.0, 0.0);
+    (settings.perturbed, settings.pruned, settings.mirrored, settings.noise) = (0.0, 0.0, 0.0, 0.0);
     let mut state = State::new(&config(), settings).map_err(failed)?;
     let losses = Losses::default();
     let mut job = job(&shipped::street(), &place.path().join("out"))?;

@@ -71,6 +71,7 @@ pub(crate) fn settings(steps: u64) -> Settings {
         refine_steps: 2,
         target_share: 0.5,
         perturbed: 0.5,
+        pruned: 0.3,
         mirrored: 0.5,
         velocity: 0.02,
         psnr: 0.0,

@@ -6,7 +6,8 @@
 
 use candle_core::backprop::GradStore;
 use lgs_engine::{
-    densify::{self, Action},
+    densify::{self, Action, Limit, Scope},
+    evidence::survivors,
     gaussians::{Branch, GaussianSet, NUM_ATTRIBUTES, RawGradient},
     loss::LossWeights,
     network::{
@@ -35,6 +36,8 @@ use crate::{
 
 /// Largest shares of primitives that a perturbation prunes and copies.
 const PERTURBED: [f64; 2] = [0.1, 0.25];
+/// Least and largest percentage of a scene that pruning by exact effects leaves.
+const PRUNED_TO: [f64; 2] = [35.0, 95.0];
 
 /// Losses of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,11 +92,16 @@ pub fn compute(
     let start = &sample.scene;
     let outcomes = outcomes(|branch| passes.initial(start, branch))?;
     let updated = updated(start, &outcomes)?;
-    let actions = match policy {
-        Some(policy) => policy.actions(&outcomes, &updated, settings)?,
-        None => at_random(&updated, settings, &mut sample.dice),
+    let perturbed = match pruned_to(settings, &mut sample.dice) {
+        Some(limit) => Perturbed::pruned(&updated, &inputs, limit),
+        None => {
+            let actions = match policy {
+                Some(policy) => policy.actions(&outcomes, &updated, settings)?,
+                None => at_random(&updated, settings, &mut sample.dice),
+            };
+            Perturbed::by(&updated, actions, &mut sample.dice)?
+        }
     };
-    let perturbed = Perturbed::by(&updated, actions, &mut sample.dice)?;
     let truth = sample.velocities.take().map(|truth| match &perturbed.sources {
         Some(sources) => truth.of_sources(&sources[..perturbed.set.num_lidar]),
         None => truth,
@@ -224,6 +232,13 @@ impl Perturbed {
         Ok(Self { set: densify::apply(set, &actions, u64::from(dice.bits()))?, sources: Some(sources) })
     }
 
+    /// What is left when a scene is pruned by exact effects.
+    fn pruned(set: &GaussianSet, views: &[&View], limit: Limit) -> Self {
+        let sources = survivors(set, views, Scope::All, Some(limit), &mut || ());
+        let num_lidar = sources.partition_point(|&i| i < set.num_lidar);
+        Self { set: set.select(&sources, num_lidar), sources: Some(sources) }
+    }
+
     /// The gradient by the primitives before the update: a copy's is added to that of its source.
     fn pulled_back(&self, gradient: &RawGradient, num_before: usize) -> RawGradient {
         let Some(sources) = &self.sources else { return gradient.clone() };
@@ -234,6 +249,14 @@ impl Perturbed {
         }
         sums
     }
+}
+
+/// How much pruning by exact effects leaves, in a share of the steps; `None`: there is none.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the two percentages")]
+fn pruned_to(settings: &Settings, dice: &mut Dice) -> Option<Limit> {
+    let [least, most] = PRUNED_TO;
+    let pruned = settings.pruned > 0.0 && dice.chance(settings.pruned);
+    pruned.then(|| Limit::Percent(dice.uniform(least, most) as u32))
 }
 
 /// Actions at random in a share of the steps, so that the refinement knows sets that a policy has changed; `None`: no change.

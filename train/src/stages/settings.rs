@@ -87,6 +87,9 @@ pub struct Settings {
     pub target_share: f64,
     /// Share of the steps in which primitives are pruned and copied at random between prediction and refinement.
     pub perturbed: f64,
+    /// Share of the steps in which the scene is pruned by exact effects between prediction and refinement, to a share of it that is drawn.
+    #[serde(default)]
+    pub pruned: f64,
     /// Share of the steps whose scene is mirrored.
     #[serde(default)]
     pub mirrored: f64,
@@ -160,6 +163,7 @@ impl RunSettings for Settings {
         let shares = [
             ("target_share", self.target_share),
             ("perturbed", self.perturbed),
+            ("pruned", self.pruned),
             ("mirrored", self.mirrored),
             ("noise", self.noise),
         ];

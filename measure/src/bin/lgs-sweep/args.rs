@@ -10,6 +10,7 @@ use lgs_measure::sweep::grid::Axes;
 
 use crate::{
     ablate_args::AblateArgs,
+    density_args::DensityArgs,
     grid_args::{GridArgs, also},
     rates_args::RatesArgs,
     scaling_args::ScalingArgs,
@@ -48,6 +49,8 @@ pub(crate) enum Command {
     Ablate(Box<AblateArgs>),
     /// Search the learning rates of per-scene optimisation, which refinement is compared with
     Rates(Box<RatesArgs>),
+    /// Measure which Gaussians scenes need: PSNR against their number, by what decides which of them stay
+    Density(Box<DensityArgs>),
 }
 
 /// The clips to measure on, and what is tried.

@@ -4,6 +4,8 @@ mod ablate;
 mod ablate_args;
 mod apart;
 mod args;
+mod density;
+mod density_args;
 mod grid_args;
 mod progress;
 mod rates;

@@ -34,6 +34,7 @@ use crate::{
     ablate::ablate,
     apart::{answer, ask},
     args::{Args, Command as Task, SweepArgs},
+    density::density,
     progress::Teller,
     rates::rates,
     scaling,
@@ -51,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
     match &args.command {
         Some(Task::Ablate(args)) => Ok(ablate(args)?.into()),
         Some(Task::Rates(args)) => Ok(rates(args)?.into()),
+        Some(Task::Density(args)) => Ok(density(args)?.into()),
         None => measure(&args.sweep),
     }
 }

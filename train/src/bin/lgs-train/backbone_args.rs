@@ -21,6 +21,9 @@ pub(crate) struct BackboneArgs {
     /// Share of the steps with random pruning and copying, 0 to 1
     #[arg(long, value_name = "X", default_value_t = 0.3)]
     pub(crate) perturbed: f64,
+    /// Share of the steps whose scene is pruned by exact effects, to 35 to 95 % of it, between prediction and refinement, 0 to 1
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    pub(crate) pruned: f64,
     #[command(flatten)]
     pub(crate) rendering: RenderingArgs,
     #[command(flatten)]
@@ -31,6 +34,6 @@ impl BackboneArgs {
     /// The settings of a new run.
     pub(crate) fn settings(&self) -> Settings {
         let settings = self.rendering.settings(self.run.optimisation(DEFAULTS));
-        Settings { perturbed: self.perturbed, ..settings }
+        Settings { perturbed: self.perturbed, pruned: self.pruned, ..settings }
     }
 }

@@ -141,6 +141,7 @@ impl RenderingArgs {
             refine_steps: self.refine_steps,
             target_share: self.target_share,
             perturbed: 0.0,
+            pruned: 0.0,
             mirrored: self.mirrored,
             noise: self.noise,
             velocity: self.velocity,
