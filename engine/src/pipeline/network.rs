@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Stage, Watch};
 use crate::densify::{self, Density, DensityMap, Limit, Scope, Scores, Thresholds, UpdateCounts};
 use crate::error::{EngineError, Result};
-use crate::evidence::{ROUNDS, prune};
+use crate::evidence::{num_rounds, prune};
 use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
@@ -98,8 +98,10 @@ pub fn run_network(
     let (mut update, mut density) = (UpdateCounts::default(), None);
     if settings.density == Density::Exact {
         MemoryEstimate::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
-        update = watch.stage(Stage::SetUpdate, ROUNDS, |progress| {
-            prune(scene, views, settings.density_scope, settings.max_gaussians, &mut || progress.step(Stage::SetUpdate))
+        let (scope, limit) = (settings.density_scope, settings.max_gaussians);
+        let rounds = num_rounds(if scope == Scope::All { scene.len() } else { scene.num_lidar }, limit);
+        update = watch.stage(Stage::SetUpdate, rounds, |progress| {
+            prune(scene, views, scope, limit, &mut || progress.step(Stage::SetUpdate))
         });
     } else if set_update_skipped.is_none()
         && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&features, scene, model))?

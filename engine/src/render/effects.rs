@@ -70,8 +70,10 @@ impl Effect {
     }
 }
 
-/// Sums of one intersection, in the order of [`Effect`].
+/// Sums of one intersection: removal, shown, covered; then half, whole and squares.
 const SUMS: usize = 12;
+/// Those that know nothing of halves.
+const WITHOUT_HALVES: usize = 3;
 /// Planes of a tile: residual 3, slopes 3, counted, depth; then drawn depth and alpha; then what is behind: colour 3, depth, alpha; then the
 /// transmittance.
 const PLANES: usize = 16;
@@ -79,7 +81,7 @@ const PLANES: usize = 16;
 /// Logarithm to base 2 of the largest odds that the other half shows a pixel: beyond it the share is zero.
 const MOST_ODDS: f32 = 60.0;
 
-/// Effects of every visible Gaussian of a view.
+/// Effects of every visible Gaussian of a view; `half`, `whole` and `squares` are zero without `halving`.
 ///
 /// # Shapes
 /// `halving` `[num_visible]`, in the order of [`RenderedWithState::visible`]: by how much the logarithm to base 2 of the first half's alpha over
@@ -88,9 +90,25 @@ const MOST_ODDS: f32 = 60.0;
 /// # Formula
 /// `removal = sum_p per_colour sum_c (|r + d_c| - |r|) + slopes . d + per_depth (|e' - depth| - |e - depth|)`, d the change of the colours as
 /// the module says, e and e' the expected depths; `s = 1 / (1 + 2^-(halving . (p - centre)))`.
-pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: &[[f32; 2]]) -> Vec<Effect> {
+pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: Option<&[[f32; 2]]>) -> Vec<Effect> {
+    let without =
+        |[removal, shown, covered]: [f64; WITHOUT_HALVES]| Effect { removal, shown, covered, ..Effect::default() };
+    let Some(halving) = halving else {
+        return sums_of(state, costs, &[]).into_iter().map(without).collect();
+    };
+    let with = |[removal, shown, covered, a, b, c, d, e, f, g, h, i]: [f64; SUMS]| Effect {
+        half: [a, b, c],
+        whole: [d, e, f],
+        squares: [g, h, i],
+        ..without([removal, shown, covered])
+    };
+    sums_of(state, costs, halving).into_iter().map(with).collect()
+}
+
+/// `[num_visible]` the first M sums of every visible Gaussian.
+fn sums_of<const M: usize>(state: &RenderedWithState, costs: &PixelCosts, halving: &[[f32; 2]]) -> Vec<[f64; M]> {
     let lists = &state.lists;
-    let mut all = vec![[0.0_f32; SUMS]; lists.intersections.len()];
+    let mut all = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
     let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
     per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
@@ -100,16 +118,7 @@ pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: &[[f32; 2
         let per = [costs.per_colour, costs.per_depth];
         arch.dispatch(TileEffects { lists, tile, stops, planes: &mut planes, per, halving, out });
     });
-    let sums = over_tiles(lists, &all);
-    let effect = |[removal, a, b, c, d, e, f, g, h, i, shown, covered]: [f64; SUMS]| Effect {
-        removal,
-        half: [a, b, c],
-        whole: [d, e, f],
-        squares: [g, h, i],
-        shown,
-        covered,
-    };
-    sums.into_iter().map(effect).collect()
+    over_tiles(lists, &all)
 }
 
 /// Fills the planes of a tile for the walk from behind.
@@ -131,17 +140,17 @@ fn load(planes: &mut [f32], state: &RenderedWithState, tile: usize, costs: &Pixe
     planes[15 * TILE_PIXELS..].iter_mut().zip(drawn).for_each(|(t, drawn)| *t = drawn.abs());
 }
 
-struct TileEffects<'a> {
+struct TileEffects<'a, const M: usize> {
     lists: &'a TileLists,
     tile: usize,
     stops: &'a [f32],
     planes: &'a mut [f32],
     per: [f32; 2],
     halving: &'a [[f32; 2]],
-    out: &'a mut [[f32; SUMS]],
+    out: &'a mut [[f32; M]],
 }
 
-impl WithSimd for TileEffects<'_> {
+impl<const M: usize> WithSimd for TileEffects<'_, M> {
     type Output = ();
 
     #[inline(always)]
@@ -157,8 +166,8 @@ impl WithSimd for TileEffects<'_> {
             if position as f32 >= last {
                 continue;
             }
-            let half =
-                Half { footprint: &lists.footprints[intersection as usize], halving: halving[intersection as usize] };
+            let halving = halving.get(intersection as usize).copied().unwrap_or_default();
+            let half = Half { footprint: &lists.footprints[intersection as usize], halving };
             out[position] = walk(simd, &broadcast, (&mut *planes, stops), &half, (&origin, per), position as f32);
         }
     }
@@ -172,14 +181,14 @@ struct Half<'a> {
 
 /// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
 #[inline(always)]
-fn walk<S: Simd>(
+fn walk<S: Simd, const M: usize>(
     simd: S,
     broadcast: &Broadcast<S>,
     (planes, stops): (&mut [S::f32s], &[S::f32s]),
     half: &Half<'_>,
     (origin, [per_colour, per_depth]): (&[usize; 2], [S::f32s; 2]),
     position: f32,
-) -> [f32; SUMS] {
+) -> [f32; M] {
     let Half { footprint: f, halving } = half;
     let per_plane = TILE_PIXELS / S::F32_LANES;
     let per_row = TILE_WIDTH / S::F32_LANES;
@@ -207,9 +216,12 @@ fn walk<S: Simd>(
             let w = simd.mul_f32s(alpha, t);
             let counted = planes[at(6)];
             let w_counted = simd.mul_f32s(w, counted);
-            let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
-            let share = simd.div_f32s(one, simd.add_f32s(one, odds));
-            let first = simd.mul_f32s(share, w_counted);
+            let first = if M == SUMS {
+                let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
+                simd.mul_f32s(simd.div_f32s(one, simd.add_f32s(one, odds)), w_counted)
+            } else {
+                zero
+            };
             let (mut colours, mut linear) = (zero, zero);
             for c in 0..3 {
                 let behind = planes[at(10 + c)];
@@ -219,8 +231,10 @@ fn walk<S: Simd>(
                 let size = simd.abs_f32s(simd.add_f32s(residual, change));
                 colours = simd.add_f32s(colours, simd.sub_f32s(size, simd.abs_f32s(residual)));
                 linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
-                sums[1 + c] = simd.mul_add_f32s(first, residual, sums[1 + c]);
-                sums[4 + c] = simd.mul_add_f32s(w_counted, residual, sums[4 + c]);
+                if M == SUMS {
+                    sums[3 + c] = simd.mul_add_f32s(first, residual, sums[3 + c]);
+                    sums[6 + c] = simd.mul_add_f32s(w_counted, residual, sums[6 + c]);
+                }
             }
             let (depth_behind, alpha_behind) = (planes[at(13)], planes[at(14)]);
             planes[at(13)] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
@@ -238,14 +252,16 @@ fn walk<S: Simd>(
             let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);
             let by_colour = simd.mul_add_f32s(simd.mul_f32s(per_colour, counted), colours, linear);
             sums[0] = simd.add_f32s(sums[0], simd.add_f32s(by_colour, by_depth));
-            sums[7] = simd.mul_add_f32s(first, first, sums[7]);
-            sums[8] = simd.mul_add_f32s(first, w_counted, sums[8]);
-            sums[9] = simd.mul_add_f32s(w_counted, w_counted, sums[9]);
-            sums[10] = simd.add_f32s(sums[10], w_counted);
-            sums[11] = simd.mul_add_f32s(alpha, counted, sums[11]);
+            sums[1] = simd.add_f32s(sums[1], w_counted);
+            sums[2] = simd.mul_add_f32s(alpha, counted, sums[2]);
+            if M == SUMS {
+                sums[9] = simd.mul_add_f32s(first, first, sums[9]);
+                sums[10] = simd.mul_add_f32s(first, w_counted, sums[10]);
+                sums[11] = simd.mul_add_f32s(w_counted, w_counted, sums[11]);
+            }
         }
     }
-    let mut out = [0.0; SUMS];
+    let mut out = [0.0; M];
     for (out, sum) in out.iter_mut().zip(sums) {
         *out = simd.reduce_sum_f32s(sum);
     }
