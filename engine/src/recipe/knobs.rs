@@ -5,7 +5,8 @@ use std::{num::NonZeroUsize, str::FromStr};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::Recipe;
+use super::{Recipe, usual_limit};
+use crate::densify::Density;
 
 /// Most steps of the learned refinement.
 const MOST_LEARNED: usize = 1000;
@@ -90,15 +91,12 @@ pub const KNOBS: [Knob; 13] = [
     },
     Knob {
         name: "density",
-        usual: "policy",
+        usual: "exact",
         value: "WORD",
-        help: "Who prunes and adds primitives [default: policy]",
+        help: "Who prunes and adds Gaussians [default: exact]",
         words: &[
+            ("exact", "What the input views show of each: those go that cost least, measured in rounds"),
             ("policy", "The learned policy, of the LiDAR's"),
-            (
-                "exact",
-                "Whatever the input views show best without, measured in rounds; to the limit, where there is one",
-            ),
             ("random", "Chance, as often as the policy would, of the LiDAR's: the ablation"),
             ("off", "Nobody: the set stays as it is"),
         ],
@@ -106,8 +104,7 @@ pub const KNOBS: [Knob; 13] = [
         by_budget: true,
         set: |recipe, text| {
             put_word(&mut recipe.density, text)?;
-            // A limit that a preset has asks for somebody who can meet it.
-            recipe.max_gaussians = recipe.max_gaussians.filter(|_| text != "off");
+            recipe.max_gaussians = usual_limit(recipe.density);
             Ok(())
         },
         get: |recipe| recipe.network.then(|| json!(recipe.density)),
@@ -151,20 +148,24 @@ pub const KNOBS: [Knob; 13] = [
     },
     Knob {
         name: "max-gaussians",
-        usual: "",
-        value: "N|P%",
+        usual: "70%",
+        value: "N|P%|none",
         help: "Largest number of Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: of the whole scene \
-               with exact effects, of the LiDAR's with a policy; the worst go first, then the best copies come [default: as many as the \
-               effects or scores ask for]",
+               with exact effects, of the LiDAR's with a policy; none: as the effects or scores ask for [default: 70% with exact effects, \
+               else none]",
         words: &[],
         aliases: &[],
         by_budget: false,
         set: |recipe, text| {
-            recipe.max_gaussians = Some(text.parse()?);
+            recipe.max_gaussians = if text == "none" { None } else { Some(text.parse()?) };
             Ok(())
         },
-        get: |recipe| recipe.max_gaussians.filter(|_| recipe.network).map(|limit| json!(limit)),
-        always: false,
+        get: |recipe| match recipe.max_gaussians {
+            _ if !recipe.network => None,
+            Some(limit) => Some(json!(limit)),
+            None => (recipe.density == Density::Exact).then(|| json!("none")),
+        },
+        always: true,
     },
     Knob {
         name: "refine-with",
@@ -338,9 +339,10 @@ mod tests {
             ("background", "none"),
             ("coarseness", "1.5"),
             ("query", "off"),
+            ("density", "policy"),
             ("theta-prune", "0.9"),
             ("theta-add", "0.55"),
-            ("max-gaussians", "70%"),
+            ("max-gaussians", "60%"),
             ("refine-with", "adam:12"),
             ("refine-steps", "2"),
             ("line-search", "last"),
@@ -356,5 +358,8 @@ mod tests {
             (KNOBS.iter().find(|knob| knob.name == name).unwrap().set)(&mut again, &value).unwrap();
         }
         assert_eq!(again, other);
+        let free = Recipe { max_gaussians: None, ..usual };
+        let (name, value) = free.options().into_iter().find(|(name, _)| *name == "max-gaussians").unwrap();
+        assert_eq!((name, value.as_str()), ("max-gaussians", "none"));
     }
 }

@@ -35,7 +35,7 @@ pub struct Recipe {
     /// Which Gaussians exact pruning may take.
     #[serde(default, skip_serializing_if = "Scope::is_usual")]
     pub density_scope: Scope,
-    /// Largest number of Gaussians after that, of those that the update may take; `None` for no limit.
+    /// Largest number of Gaussians after that, of those that the update may take; `None` for no limit. See [`usual_limit`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gaussians: Option<Limit>,
     /// Steps of the learned refinement; 0 without a network.
@@ -52,17 +52,17 @@ pub struct Recipe {
 }
 
 impl Default for Recipe {
-    /// Everything, and three learned steps: the paper's.
+    /// The network with its query, pruning by exact effects, and three learned steps.
     fn default() -> Self {
         Self {
             background: Mode::Auto,
             coarseness: Coarseness::default(),
             network: true,
             query: true,
-            density: Density::Policy,
+            density: Density::Exact,
             density_scope: Scope::All,
             thresholds: Thresholds::default(),
-            max_gaussians: None,
+            max_gaussians: usual_limit(Density::Exact),
             refine_steps: 3,
             adam_steps: 0,
             refine_views: None,
@@ -79,6 +79,8 @@ impl Recipe {
             background: start.background,
             coarseness: start.coarseness,
             network: false,
+            density: Density::Off,
+            max_gaussians: None,
             refine_steps: 0,
             ..Self::default()
         }
@@ -114,6 +116,11 @@ impl Recipe {
     }
 }
 
+/// How many Gaussians are left where nobody says otherwise: 70 % with exact effects, else no limit.
+pub fn usual_limit(density: Density) -> Option<Limit> {
+    (density == Density::Exact).then_some(Limit::Percent(70))
+}
+
 /// Options as a command line has them: two words for each.
 pub fn flags<'a>(options: impl IntoIterator<Item = (&'a str, String)>) -> Vec<String> {
     options.into_iter().flat_map(|(name, value)| [format!("--{name}"), value]).collect()
@@ -135,12 +142,16 @@ mod tests {
     #[test]
     fn flags_say_what_is_not_as_usual() {
         let usual = Recipe::default();
-        assert_eq!(usual.flags(), as_flags("background auto, query on, density policy, refine-steps 3"));
+        assert_eq!(
+            usual.flags(),
+            as_flags("background auto, query on, density exact, max-gaussians 70%, refine-steps 3")
+        );
         let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
         assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
         let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
         assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
-        let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..usual };
+        let policy = Recipe { density: Density::Policy, max_gaussians: None, ..usual };
+        let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..policy };
         assert!(eager.flags().contains(&as_flags("density policy, theta-prune 0.9, theta-add 0.5, refine-steps 3")));
     }
 }

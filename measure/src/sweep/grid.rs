@@ -64,7 +64,7 @@ pub const AXES: [Axis; 11] = [
     Axis {
         name: "max-gaussians",
         knobs: &["max-gaussians"],
-        none: "none",
+        none: "",
         usual: "none",
         help: "Largest numbers of Gaussians after pruning and adding, of those that the density may change, shares of those before, or none",
     },

@@ -101,7 +101,8 @@ fn expect(holds: bool, what: &str, run: &Run) -> Outcome {
 
 fn policy() -> Outcome {
     let place = Place::new()?;
-    let found = place.run("policy", &["--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none"])?;
+    let found = place
+        .run("policy", &["--density", "policy", "--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none"])?;
     let (pruned, added) = (found.count("pruned")?, found.count("added")?);
     expect(pruned > 100 && added > 100, "some pruned and some added", &found)?;
     let [prune, add] = found.scores()?;
@@ -123,11 +124,13 @@ fn policy() -> Outcome {
 /// Scores lie inside 0..1 and the comparison is strict: 1 decides nothing, 0 everything.
 fn ends() -> Outcome {
     let place = Place::new()?;
-    let none = place.run("none", &["--theta-prune", "1", "--theta-add", "1", "--views", "none"])?;
+    let none =
+        place.run("none", &["--density", "policy", "--theta-prune", "1", "--theta-add", "1", "--views", "none"])?;
     expect(none.count("pruned")? == 0 && none.count("added")? == 0, "no change", &none)?;
-    let all = place.run("all", &["--theta-prune", "1", "--theta-add", "0", "--views", "none"])?;
+    let all =
+        place.run("all", &["--density", "policy", "--theta-prune", "1", "--theta-add", "0", "--views", "none"])?;
     expect(all.count("added")? == all.count("initial")?, "a copy of each", &all)?;
-    let empty = place.run("empty", &["--theta-prune", "0", "--theta-add", "0"])?;
+    let empty = place.run("empty", &["--density", "policy", "--theta-prune", "0", "--theta-add", "0"])?;
     expect(empty.count("final")? == 0 && empty.count("added")? == 0, "nothing left of the LiDAR branch", &empty)?;
     expect(empty.scene.len() == empty.count("background")?, "the background", &empty)
 }
@@ -167,7 +170,7 @@ fn off() -> Outcome {
 fn budget() -> Outcome {
     let place = Place::new()?;
     let thresholds = ["--theta-prune", "0.4", "--theta-add", "0.5", "--views", "none"];
-    let free = place.run("free", &thresholds)?;
+    let free = place.run("free", &[thresholds.as_slice(), &["--density", "policy"]].concat())?;
     let (initial, last, added) = (free.count("initial")?, free.count("final")?, free.count("added")?);
     for density in ["policy", "random"] {
         for n in [0, 1, initial / 3, last - added / 2, last, 100 * last] {
@@ -186,7 +189,8 @@ fn budget() -> Outcome {
 
 fn refused() -> Outcome {
     let place = Place::new()?;
-    let flags = ["--theta-prune", "1", "--theta-add", "1", "--views", "none", "--max-gaussians", "40%"];
+    let flags =
+        ["--density", "policy", "--theta-prune", "1", "--theta-add", "1", "--views", "none", "--max-gaussians", "40%"];
     let share = place.run("share", &flags)?;
     expect(share.count("final")? == share.count("initial")? * 40 / 100, "two fifths of those before", &share)?;
     expect(share.page["config"]["max_gaussians"] == "40%", "as it was asked for", &share)?;
@@ -195,7 +199,7 @@ fn refused() -> Outcome {
     fs::write(place.0.path().join("plain.json"), without_policy()?)?;
     let street = clips::street();
     let run_with = |weights: &str| {
-        let flags = ["--out", "out", "--max-gaussians", "5", "--weights", weights];
+        let flags = ["--out", "out", "--density", "policy", "--max-gaussians", "5", "--weights", weights];
         let mut arguments = vec![street.as_os_str()];
         arguments.extend(flags.iter().map(|flag| flag.as_ref() as &std::ffi::OsStr));
         run(&binary("lgs-infer")?, &arguments, place.0.path())
@@ -213,7 +217,7 @@ fn without_policy() -> Result<String, Failed> {
 
 fn pictures() -> Outcome {
     let place = Place::new()?;
-    let found = place.run("out", &[])?;
+    let found = place.run("out", &["--density", "policy"])?;
     let cameras = ["front", "front_left"];
     let mut want: Vec<String> = Vec::new();
     for (frame, camera) in [0, 2].iter().flat_map(|frame| cameras.map(|camera| (frame, camera))) {
@@ -243,7 +247,7 @@ fn pictures() -> Outcome {
 
 fn threads() -> Outcome {
     let place = Place::new()?;
-    let flags = |threads| ["--theta-prune", "0.4", "--refine-steps", "2", "--threads", threads];
+    let flags = |threads| ["--density", "policy", "--theta-prune", "0.4", "--refine-steps", "2", "--threads", threads];
     let weights = Weights::seeded(SMALL, 2, Heads { residuals: 1e-4, scores: 1.5 })?;
     weights.write(&place.0.path().join("moving.safetensors"))?;
     let one = [flags("1").as_slice(), &["--weights", "moving.safetensors"]].concat();

@@ -111,6 +111,8 @@ fn ample_time() -> Outcome {
     if recipe["network"] == true {
         let search = recipe["line_search"].as_str().unwrap_or("every");
         flags.extend(["--refine-steps", &steps, "--line-search", search, "--density", text("density")]);
+        let limit = if recipe["max_gaussians"].is_null() { "none" } else { text("max_gaussians") };
+        flags.extend(["--max-gaussians", limit]);
     } else {
         flags.extend(["--weights", "none"]);
     }

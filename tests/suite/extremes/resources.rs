@@ -48,7 +48,7 @@ fn infer(place: &Path, out: &str, flags: &[&str]) -> Result<Finished, String> {
 fn same_scenes() -> Outcome {
     let place = tempfile::tempdir()?;
     Weights::seeded(SMALL, 2, Heads { residuals: 1e-4, scores: 1.5 })?.write(&place.path().join("w.safetensors"))?;
-    let flags = ["--weights", "w.safetensors", "--theta-prune", "0.4", "--theta-add", "0.5"];
+    let flags = ["--weights", "w.safetensors", "--density", "policy", "--theta-prune", "0.4", "--theta-add", "0.5"];
     same_bytes(place.path(), &flags, &["1", "2", "3", "8", "8", "64"])
 }
 

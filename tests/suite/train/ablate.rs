@@ -95,13 +95,14 @@ impl Place {
         serde_json::from_str(&fs::read_to_string(first)?).map_err(failed)
     }
 
-    /// PSNR of the held-out views as `lgs-infer` says.
+    /// PSNR of the held-out views as `lgs-infer` says, by the policy unless the flags say otherwise.
     fn inferred(&self, flags: &[&str]) -> Result<f64, Failed> {
+        let by_policy: &[&str] = if flags.contains(&"--density") { &[] } else { &["--density", "policy"] };
         let (street, weights) = (clips::street(), self.weights());
         let mut arguments = vec![street.as_os_str(), OsStr::new("--weights"), weights.as_os_str()];
         let common =
             ["--out", "out", "--image-size", "48x80", "--frames", "0..2", "--hold-out", "1", "--views", "held-out"];
-        arguments.extend(common.iter().chain(flags).map(|flag| OsStr::new(*flag)));
+        arguments.extend(common.iter().chain(by_policy).chain(flags).map(|flag| OsStr::new(*flag)));
         run(&binary("lgs-infer")?, &arguments, self.dir.path())?.expect_success()?;
         Ok(metrics::number(&metrics::read(&self.dir.path().join("out"))?, &["mean", "held_out", "psnr"])?)
     }
@@ -162,7 +163,7 @@ fn trained_policy() -> Outcome {
         record.variant(names::RANDOM).and_then(|v| v.figures.psnr),
         place.inferred(&["--density", "random"])?,
     )?;
-    let theta = place.inferred(&["--theta-prune", "0.5", "--theta-add", "0.5"])?;
+    let theta = place.inferred(&["--density", "policy", "--theta-prune", "0.5", "--theta-add", "0.5"])?;
     same("theta 0.5", record.variant("theta 0.5").and_then(|v| v.figures.psnr), theta)?;
     let net = |name: &str| counts(name).map(|[pruned, added]| added as i64 - pruned as i64);
     let as_many = names::as_many(0.5);
@@ -174,7 +175,7 @@ fn trained_policy() -> Outcome {
     if counts(&ranked) != counts(&by_chance) || counts(&ranked).is_none_or(|[pruned, _]| pruned == 0) {
         return Err(format!("{limit}: {:?}, by chance {:?}", counts(&ranked), counts(&by_chance)).into());
     }
-    let flags = ["--theta-prune", "1", "--theta-add", "0", "--max-gaussians", "60%"];
+    let flags = ["--density", "policy", "--theta-prune", "1", "--theta-add", "0", "--max-gaussians", "60%"];
     same(&ranked, record.variant(&ranked).and_then(|v| v.figures.psnr), place.inferred(&flags)?)
 }
 

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use lgs_engine::{
+    densify::Density,
     network::{model::Model, source::ModelSource},
     pipeline::{Begun, Deadline, Reconstruction, Run, Stage, Watch},
     plan::{Budget, ClipWork, Record, choose},
@@ -62,7 +63,7 @@ pub(crate) fn check(args: &Args) -> Result<()> {
     match (args.time_budget, &args.weights) {
         (Some(_), _) if args.recipe.value("max-gaussians").is_some() => {
             bail!(
-                "--time-budget: expected no --max-gaussians beside it, found one: recorded times are those of whole sets"
+                "--time-budget: expected no --max-gaussians beside it, found one: recorded ways to run have their own"
             )
         }
         (Some(_), weights) if !matches!(weights, ModelSource::Shipped | ModelSource::None) => {
@@ -86,6 +87,10 @@ pub(crate) fn plan(args: &Args, start: Instant, begun: &Begun<'_>, views: &[View
         let recipe = args.recipe.of(base);
         if args.recipe.value("max-gaussians").is_some() && !recipe.network {
             bail!("--max-gaussians: expected a network with a policy, found a preset that goes without one");
+        }
+        let scored = ["theta-prune", "theta-add"].into_iter().find(|name| args.recipe.value(name).is_some());
+        if let Some(name) = scored.filter(|_| recipe.density == Density::Exact) {
+            bail!("--{name}: expected --density policy or random beside it, found exact effects, which have no scores");
         }
         return Ok(Plan { recipe: Recipe { network: recipe.network && network, ..recipe }, until: None, budget: None });
     };

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use lgs_cli::{Outcome, threads};
 use lgs_engine::{
     allocator,
-    densify::DensityMap,
+    densify::{Density, DensityMap},
     evaluate::{ViewFigures, copying, lpips::Lpips},
     export::{Shown, stop, to_cloud},
     gaussians::{GaussianSet, physical::to_physical},
@@ -76,8 +76,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let begun = begin(inputs, &mut watch)?;
     let mut plan = plan::plan(args, start, &begun, inputs.views(), &watch)?;
     // A limit that a preset asks for is nothing to a model without a policy.
-    if args.recipe.value("max-gaussians").is_none() && model.as_ref().is_none_or(|loaded| loaded.model.policy.is_none())
-    {
+    let has_policy = model.as_ref().is_some_and(|loaded| loaded.model.policy.is_some());
+    if args.recipe.value("max-gaussians").is_none() && plan.recipe.density != Density::Exact && !has_policy {
         plan.recipe.max_gaussians = None;
     }
     let model = model.filter(|_| plan.recipe.network);
