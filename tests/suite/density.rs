@@ -28,6 +28,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("density::exact_pruning_meets_its_limit_in_both_branches", limit),
         case("density::exact_pruning_of_half_is_better_than_chance", better_than_chance),
         case("density::exact_pruning_gives_the_same_bytes_for_any_number_of_threads", threads),
+        case("density::a_front_has_the_figures_of_inference", front),
     ]
 }
 
@@ -129,4 +130,48 @@ fn threads() -> Outcome {
         Ok(fs::read(place.path().join(threads).join("scene.ply"))?)
     };
     if scene("1")? == scene("2")? { Ok(()) } else { Err("another scene on two threads".into()) }
+}
+
+/// `lgs-sweep density` against `lgs-infer`; a second time it measures nothing.
+fn front() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let flags = |limit| ["--density", "exact", "--max-gaussians", limit];
+    let want = [infer(place.path(), "half", &flags("50%"))?, infer(place.path(), "all", &flags("100%"))?];
+    let clip = format!("{};image-size=48x80;frames=3;hold-out=1", clips::street().display());
+    let sweep = |more: &[&str]| {
+        let mut arguments = vec!["density", &clip, "--weights", "w.safetensors", "--out", "front", "--adam", "1"];
+        arguments.extend(["--percents", "50", "--refine-steps", "0"].iter().chain(more));
+        run(&binary("lgs-sweep")?, &arguments.into_iter().map(OsStr::new).collect::<Vec<_>>(), place.path())
+    };
+    sweep(&["--signals", "exact,chance"])?.expect_success()?;
+    let read = || fs::read_to_string(place.path().join("front/density.json"));
+    let text = read()?;
+    let page: Value = serde_json::from_str(&text)?;
+    let points = page["clips"][0]["points"].as_array().ok_or("no points")?;
+    let psnr = |of: &Value, keys: &[&str]| number(of, keys);
+    let found = [psnr(&points[1], &["learned", "psnr"])?, psnr(&points[0], &["learned", "psnr"])?];
+    for (page, found) in want.iter().zip(found) {
+        let want = psnr(page, &["mean", "held_out", "psnr"])?;
+        if found != want {
+            return Err(format!("{found} dB, lgs-infer says {want}").into());
+        }
+    }
+    let counts: Vec<&Value> = points.iter().map(|point| &point["gaussians"]).collect();
+    if points.len() != 3 || counts[1] != counts[2] || page["comparisons"].as_array().is_none_or(Vec::is_empty) {
+        return Err(format!("{page:#}").into());
+    }
+    let kept = place.path().join("front/clips");
+    let record = fs::read_dir(&kept)?.next().ok_or("no record")??.path();
+    let made = fs::metadata(&record)?.modified()?;
+    sweep(&["--signals", "exact,chance"])?.expect_success()?;
+    if read()? != text || fs::metadata(&record)?.modified()? != made {
+        return Err("what was measured is measured again".into());
+    }
+    sweep(&["--signals", "best"])?.expect_refusal(&["--signals", "best"])?;
+    run(
+        &binary("lgs-sweep")?,
+        &["density", clip.as_str(), "--percents", "100", "--out", "other"].map(OsStr::new),
+        place.path(),
+    )?
+    .expect_refusal(&["--percents", "1 to 99"])
 }
