@@ -2,6 +2,9 @@
 
 use crate::cloud::SplatCloud;
 
+/// Least share of the Gaussians by which one side outweighs the other for a scene to have a front.
+const LEAST_BEARING: f64 = 0.01;
+
 /// A camera at one moment, in the frame of the scene.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Stop {
@@ -30,13 +33,32 @@ fn first_moment(cloud: &SplatCloud) -> f64 {
     cloud.times.iter().copied().filter(|t| t.is_finite()).reduce(f32::min).map_or(0.0, f64::from)
 }
 
+/// The level direction, of length 1, in which most Gaussians stand from the origin; along x where they stand all around.
+///
+/// # Formula
+/// The sum of the level unit vectors to all of them, where it is at least a hundredth of their number long.
+fn bearing(cloud: &SplatCloud) -> [f64; 2] {
+    let (mut sum, mut count) = ([0.0; 2], 0.0);
+    for mean in &cloud.means {
+        let [x, y] = [f64::from(mean[0]), f64::from(mean[1])];
+        let length = x.hypot(y);
+        if length.is_finite() && length > 0.0 {
+            sum = [sum[0] + x / length, sum[1] + y / length];
+            count += 1.0;
+        }
+    }
+    let length = sum[0].hypot(sum[1]);
+    if length > LEAST_BEARING * count { sum.map(|part| part / length) } else { [1.0, 0.0] }
+}
+
 impl Stop {
-    /// A camera at the origin, where the first sweep of our scenes was taken, that looks along x, z up.
+    /// A camera at the origin, where the first sweep of our scenes was taken, that looks level, z up, to where most of the scene is.
     pub fn forward(cloud: &SplatCloud) -> Self {
+        let [x, y] = bearing(cloud);
         #[rustfmt::skip]
         let scene_from_camera = [
-            0.0,  0.0, 1.0, 0.0,
-           -1.0,  0.0, 0.0, 0.0,
+             y,   0.0,  x,  0.0,
+            -x,   0.0,  y,  0.0,
             0.0, -1.0, 0.0, 0.0,
             0.0,  0.0, 0.0, 1.0,
         ];
@@ -64,5 +86,30 @@ impl Stop {
         let time = first_moment(cloud);
         let (name, width, height) = ("overview".to_owned(), 1280, 720);
         Self { name, time, width, height, fx: 720.0, fy: 720.0, cx: 640.0, cy: 360.0, scene_from_camera }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(means: Vec<[f32; 3]>) -> SplatCloud {
+        SplatCloud { means, ..SplatCloud::default() }
+    }
+
+    /// Where the camera looks, and what is to its right and below.
+    fn axes(stop: &Stop) -> [[f64; 3]; 3] {
+        let m = &stop.scene_from_camera;
+        [2, 0, 1].map(|column| [0, 1, 2].map(|row| m[4 * row + column]))
+    }
+
+    #[test]
+    fn the_first_view_looks_to_where_the_scene_is() {
+        let ahead = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+        assert_eq!(axes(&Stop::forward(&cloud(Vec::new()))), ahead);
+        let around = [[9.0, 0.0, 1.0], [-9.0, 0.0, 1.0], [0.0, 5.0, 0.0], [0.0, -5.0, 0.0]];
+        assert_eq!(axes(&Stop::forward(&cloud(around.to_vec()))), ahead);
+        let left = [[1.0, 9.0, 0.0], [-1.0, 9.0, 3.0], [f32::NAN, 1.0, 0.0], [0.0, 0.0, 2.0]];
+        assert_eq!(axes(&Stop::forward(&cloud(left.to_vec()))), [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
     }
 }
