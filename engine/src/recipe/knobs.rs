@@ -5,7 +5,7 @@ use std::{num::NonZeroUsize, str::FromStr};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use super::{Recipe, usual_limit};
+use super::Recipe;
 use crate::densify::Density;
 
 /// Most steps of the learned refinement.
@@ -104,7 +104,7 @@ pub const KNOBS: [Knob; 13] = [
         by_budget: true,
         set: |recipe, text| {
             put_word(&mut recipe.density, text)?;
-            recipe.max_gaussians = usual_limit(recipe.density);
+            *recipe = recipe.with_density(recipe.density);
             Ok(())
         },
         get: |recipe| recipe.network.then(|| json!(recipe.density)),

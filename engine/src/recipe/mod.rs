@@ -79,11 +79,15 @@ impl Recipe {
             background: start.background,
             coarseness: start.coarseness,
             network: false,
-            density: Density::Off,
-            max_gaussians: None,
             refine_steps: 0,
-            ..Self::default()
+            ..Self::default().with_density(Density::Off)
         }
+    }
+
+    /// The recipe with another who prunes and adds, and as many Gaussians as that usually leaves.
+    #[must_use]
+    pub fn with_density(self, density: Density) -> Self {
+        Self { density, max_gaussians: usual_limit(density), ..self }
     }
 
     /// Whether anybody refines.
@@ -150,7 +154,7 @@ mod tests {
         assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
         let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
         assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
-        let policy = Recipe { density: Density::Policy, max_gaussians: None, ..usual };
+        let policy = usual.with_density(Density::Policy);
         let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..policy };
         assert!(eager.flags().contains(&as_flags("density policy, theta-prune 0.9, theta-add 0.5, refine-steps 3")));
     }

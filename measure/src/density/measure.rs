@@ -60,7 +60,7 @@ pub fn measure(
 /// What the network makes of the initial Gaussians before it refines.
 fn predicted(subject: &Subject<'_>, model: &Model, views: &[&View]) -> Result<GaussianSet> {
     let mut scene = subject.start()?.scene;
-    let recipe = Recipe { density: Density::Off, refine_steps: 0, ..Recipe::default() };
+    let recipe = Recipe { refine_steps: 0, ..Recipe::default().with_density(Density::Off) };
     let settings = NetworkSettings::of(&recipe, model, 0, None);
     run_network(&mut scene, views, &settings, &mut Watch::new(&Silent))?;
     Ok(scene)

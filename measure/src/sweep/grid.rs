@@ -193,7 +193,7 @@ fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
     }
     for &recipe in &axes.recipes {
         let Recipe { refine_views, refine_reduce, .. } = recipe;
-        let initial = Recipe { query: false, density: Density::Off, ..Recipe::initial(recipe.start()) };
+        let initial = Recipe { query: false, ..Recipe::initial(recipe.start()) };
         let recipe = Recipe { refine_views, refine_reduce, ..initial };
         runs.extend(marked(None, &Setting { weights: None, recipe }, &axes.adam));
     }

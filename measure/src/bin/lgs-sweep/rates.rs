@@ -36,7 +36,7 @@ pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
     for (subject, choice) in subjects.iter().zip(&choices) {
         let mut scene = subject.start()?.scene;
         if let Some(loaded) = &model {
-            let recipe = Recipe { density: Density::Off, refine_steps: 0, ..Recipe::default() };
+            let recipe = Recipe { refine_steps: 0, ..Recipe::default().with_density(Density::Off) };
             let settings = NetworkSettings::of(&recipe, &loaded.model, 0, None);
             run_network(&mut scene, &subject.views(), &settings, &mut Watch::new(&Silent))?;
         }
