@@ -16,13 +16,13 @@ use crate::response::Row;
 
 /// Deltas of every round.
 pub fn deltas(problem: &Problem<'_>, rounds: &[Round], config: &TargetsConfig) -> Vec<ActionDeltas> {
-    let of = |round: &Round| match config.signal {
+    let round_deltas = |round: &Round| match config.signal {
         Signal::Response => response(problem, round, config),
         Signal::Footprint => footprint(problem, round),
         Signal::Magnitude => magnitude(problem, round),
         Signal::Exact => exact::deltas(problem, round),
     };
-    rounds.iter().map(of).collect()
+    rounds.iter().map(round_deltas).collect()
 }
 
 /// The set without a round's primitives, and the set with their copies behind the `LiDAR` branch.
@@ -94,8 +94,8 @@ fn response(problem: &Problem<'_>, round: &Round, config: &TargetsConfig) -> Act
 
 fn magnitude(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
     let before = gradients(problem, problem.set);
-    let of = |&i: &u32| Some(response_of(&before[i as usize], &largest(&before))).filter(|&r| r != 0.0);
-    let prune: Vec<Option<f64>> = round.chosen.iter().map(of).collect();
+    let response = |&i: &u32| Some(response_of(&before[i as usize], &largest(&before))).filter(|&r| r != 0.0);
+    let prune: Vec<Option<f64>> = round.chosen.iter().map(response).collect();
     ActionDeltas { add: prune.iter().map(|r| r.map(|r| -r)).collect(), prune }
 }
 
@@ -124,8 +124,8 @@ fn footprint(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
             }
         }
     }
-    let of = |action: usize| sums.iter().map(|sum| Some(sum[action] / loss).filter(|&d| d != 0.0)).collect();
-    ActionDeltas { prune: of(0), add: of(1) }
+    let share_of_loss = |action: usize| sums.iter().map(|sum| Some(sum[action] / loss).filter(|&d| d != 0.0)).collect();
+    ActionDeltas { prune: share_of_loss(0), add: share_of_loss(1) }
 }
 
 /// Targets of raw deltas, `None` where masked.

@@ -40,7 +40,7 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
         let Some(velocity) = track_velocity(clip, view.frame, tracked).filter(|v| v.length() > MOVING_SPEED) else {
             continue;
         };
-        let (camera, seconds) = exposing(pinhole, frame, (tracked, velocity), record.lidar.timestamp);
+        let (camera, seconds) = exposing(pinhole, frame, tracked, velocity, record.lidar.timestamp);
         let camera_from_world = camera_from_clip(&camera) * frame.clip_from_world;
         if is_around(tracked, camera_from_world.inverse().translation() - velocity * seconds) {
             continue;
@@ -58,7 +58,8 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
 fn exposing(
     pinhole: &PinholeView,
     frame: &ClipFrame,
-    (tracked, velocity): (&TrackedBox, DVec3),
+    tracked: &TrackedBox,
+    velocity: DVec3,
     given: f64,
 ) -> (PinholeView, f64) {
     let until = |view: &PinholeView| frame.time_zero + f64::from(view.time) - given;

@@ -104,7 +104,7 @@ impl Inputs {
 
     /// The tracked boxes of the input frames.
     fn boxes(&self) -> Vec<MovingBox> {
-        let of = |&frame: &usize| {
+        let frame_boxes = |&frame: &usize| {
             let record = &self.dir.clip().frames[frame];
             record.boxes.iter().flatten().map(move |tracked| MovingBox {
                 frame: u32::try_from(frame).unwrap_or(u32::MAX),
@@ -114,7 +114,7 @@ impl Inputs {
                 clip_from_box: self.frame.clip_from_world * tracked.world_from_box,
             })
         };
-        self.frames.iter().flat_map(of).collect()
+        self.frames.iter().flat_map(frame_boxes).collect()
     }
 
     /// The input views.

@@ -147,7 +147,7 @@ impl<'a> Begun<'a> {
             gaussians::merge_dense(&mut scene, inputs.views(), settings.coarseness);
         });
         let depth_maps = watch.stage(Stage::Background, 1, |_| {
-            background::add_background(&mut scene, inputs.views(), (&cloud, &movement), settings)
+            background::add_background(&mut scene, inputs.views(), &cloud, &movement, settings)
         });
         drop((cloud, movement));
         let initial = scene.num_lidar;

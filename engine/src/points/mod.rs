@@ -44,11 +44,11 @@ impl PointCloud {
     /// # Shapes
     /// `chosen` `[M]` indices of returns; result `[M]`.
     pub(crate) fn ranges(&self, chosen: &[u32]) -> Vec<f32> {
-        let of = |&i: &u32| {
+        let range = |&i: &u32| {
             let (position, origin) = (self.positions[i as usize], self.origins[i as usize]);
             (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum::<f32>().sqrt()
         };
-        chosen.iter().map(of).collect()
+        chosen.iter().map(range).collect()
     }
 
     /// Whether there is no return at all.

@@ -201,8 +201,8 @@ mod tests {
     fn scores_are_means_of_what_is_seen_and_grey_lies_where_there_are_none() {
         let mut scores = rendered();
         scores.rgb = vec![0.0, 0.0, 0.0, 0.1, 0.4, 0.5];
-        let of = |kind| Picture::of_score(kind, &rendered(), &scores);
-        let (prune, add) = (of(ScoreKind::Prune), of(ScoreKind::Add));
+        let picture = |kind| Picture::of_score(kind, &rendered(), &scores);
+        let (prune, add) = (picture(ScoreKind::Prune), picture(ScoreKind::Add));
         assert_eq!((prune.kind, add.kind), (PictureKind::Prune, PictureKind::Add));
         assert_eq!(prune.pixels.get_pixel(0, 0).0, [0; 3]);
         let over_grey = |value: f32| {

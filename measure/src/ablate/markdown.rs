@@ -194,17 +194,17 @@ impl<'a> AblationRecords<'a> {
         );
         let own = self.clips.iter().map(|record| (record.clip.clone(), std::slice::from_ref(record)));
         for (name, records) in std::iter::once(("mean scene".to_owned(), self.scenes)).chain(own) {
-            let of = |seconds: &dyn Fn(&ClipRecord) -> Option<f64>| {
+            let mean_seconds = |seconds: &dyn Fn(&ClipRecord) -> Option<f64>| {
                 let all: Vec<f64> = records.iter().filter_map(seconds).collect();
                 Spread::of(&all).map_or("–".to_owned(), |s| format!("{:.2}", s.mean))
             };
             let _ = writeln!(
                 text,
                 "| {name} | {} | {} | {} | {} |",
-                of(&|r| Some(r.seconds[0])),
-                of(&|r| Some(r.seconds[1])),
-                of(&|r| Some(r.learned_at(STEPS)?.seconds)),
-                of(&|r| r.adam.last().filter(|p| p.steps > 0).map(|p| p.seconds / p.steps as f64)),
+                mean_seconds(&|r| Some(r.seconds[0])),
+                mean_seconds(&|r| Some(r.seconds[1])),
+                mean_seconds(&|r| Some(r.learned_at(STEPS)?.seconds)),
+                mean_seconds(&|r| r.adam.last().filter(|p| p.steps > 0).map(|p| p.seconds / p.steps as f64)),
             );
         }
         text.push('\n');

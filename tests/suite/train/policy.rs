@@ -69,7 +69,7 @@ fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
     };
     let index: Vec<u32> = (0_u32..).step_by(2).take(N / 2).collect();
     let rows = index.len();
-    let of = |sign: f32| ActionTargets {
+    let targets = |sign: f32| ActionTargets {
         y: index.iter().map(|&i| 0.5 + 0.4 * sign * feature(i as usize, 0)).collect(),
         delta: vec![0.0; rows],
         mask: vec![true; rows],
@@ -80,8 +80,8 @@ fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
     let half = |v: f32| half::f16::from_f32(v).to_bits();
     ClipTargets {
         samples: vec![1; rows],
-        prune: of(sign),
-        add: of(-sign),
+        prune: targets(sign),
+        add: targets(-sign),
         index,
         moments: [[0.0, 1.0]; 2],
         gaussians: (0..N).map(row).collect(),

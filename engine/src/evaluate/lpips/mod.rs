@@ -99,7 +99,8 @@ impl Lpips {
         let shift = reader.values("scaling_layer.shift", &[1, 3, 1, 1]);
         let scale = reader.values("scaling_layer.scale", &[1, 3, 1, 1]);
         let first = convolution(&mut reader, "features.0", [64, 3, 3], 2)?;
-        let fires = FIRES.map(|fire| read_fire(&mut reader, fire)).into_iter().collect::<Result<_>>()?;
+        let fire = |(index, input, squeezed, expanded)| read_fire(&mut reader, index, [input, squeezed, expanded]);
+        let fires = FIRES.map(fire).into_iter().collect::<Result<_>>()?;
         let heads = TAP_CHANNELS.iter().enumerate();
         let heads = heads.map(|(i, &c)| reader.values(&format!("lin{i}.model.1.weight"), &[1, c, 1, 1])).collect();
         reader.finish()?;
@@ -167,10 +168,7 @@ fn convolution(
     })
 }
 
-fn read_fire(
-    reader: &mut WeightReader,
-    (index, input, squeezed, expanded): (usize, usize, usize, usize),
-) -> Result<Fire> {
+fn read_fire(reader: &mut WeightReader, index: usize, [input, squeezed, expanded]: [usize; 3]) -> Result<Fire> {
     let name = format!("features.{index}");
     Ok(Fire {
         index,

@@ -32,7 +32,7 @@ pub struct KernelMap {
 pub(super) enum Symmetry {
     /// The pairs of offset `o` are those of offset `num_offsets - 1 - o` with inputs and outputs exchanged.
     Mirrored,
-    /// Nothing is known.
+    /// Not known to be.
     None,
 }
 
