@@ -12,7 +12,7 @@ use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
 
 use crate::branches::{BEHIND, Problem, Round};
 use crate::delta::ActionDeltas;
-use crate::response::Row;
+use crate::response::GradientRow;
 
 /// Deltas of every round.
 pub fn deltas(problem: &Problem<'_>, rounds: &[Round], config: &TargetsConfig) -> Vec<ActionDeltas> {
@@ -45,16 +45,16 @@ fn branches(set: &GaussianSet, round: &Round) -> [GaussianSet; 2] {
     [without, with]
 }
 
-fn gradients(problem: &Problem<'_>, set: &GaussianSet) -> Vec<Row> {
+fn gradients(problem: &Problem<'_>, set: &GaussianSet) -> Vec<GradientRow> {
     let views: Vec<&View> = problem.views.iter().collect();
     objective(set, &views, &problem.weights).gradient.attributes
 }
 
-fn largest(rows: &[Row]) -> [f64; NUM_ATTRIBUTES] {
+fn largest(rows: &[GradientRow]) -> [f64; NUM_ATTRIBUTES] {
     std::array::from_fn(|c| rows.iter().map(|row| f64::from(row[c].abs())).fold(0.0, f64::max))
 }
 
-fn response_of(row: &Row, largest: &[f64; NUM_ATTRIBUTES]) -> f64 {
+fn response_of(row: &GradientRow, largest: &[f64; NUM_ATTRIBUTES]) -> f64 {
     let share = |c: usize| if row[c] == 0.0 { 0.0 } else { f64::from(row[c].abs()) / largest[c] };
     (0..NUM_ATTRIBUTES).map(share).sum::<f64>() / NUM_ATTRIBUTES as f64
 }
@@ -72,7 +72,7 @@ fn response(problem: &Problem<'_>, round: &Round, config: &TargetsConfig) -> Act
     let set = problem.set;
     let before = gradients(problem, set);
     let [without, with] = branches(set, round).map(|branch| gradients(problem, &branch));
-    let by = |rows: &[Row]| largest(if config.normalise == Normalise::Branch { rows } else { &before });
+    let by = |rows: &[GradientRow]| largest(if config.normalise == Normalise::Branch { rows } else { &before });
     let kept: Vec<usize> = (0..set.num_lidar).filter(|&i| !round.removed[i]).collect();
     let sum = |pairs: Vec<(f64, f64)>| {
         let known = pairs.iter().any(|&pair| pair != (0.0, 0.0));

@@ -22,7 +22,7 @@ pub struct AblationRecords<'a> {
 }
 
 /// A row's figures of a record.
-type Row<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
+type MeansOf<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
 
 /// The page.
 pub fn markdown(found: AblationRecords<'_>) -> String {
@@ -63,15 +63,15 @@ impl<'a> AblationRecords<'a> {
         let _ = writeln!(text, "|---|---|---|---|---|---|---|{}", "---|".repeat(self.clips.len()));
     }
 
-    fn row(&self, text: &mut String, name: &str, of: Row<'a>) {
+    fn row(&self, text: &mut String, name: &str, means: MeansOf<'a>) {
         let figures: [fn(&Means) -> Option<f64>; 5] =
             [|m| m.psnr, |m| m.ssim, |m| m.psnr_dynamic, |m| m.psnr_static, |m| m.dmae];
-        let _ = write!(text, "| {name} | {} |", self.scenes.iter().filter(|r| of(r).is_some()).count());
+        let _ = write!(text, "| {name} | {} |", self.scenes.iter().filter(|r| means(r).is_some()).count());
         for (k, figure) in figures.into_iter().enumerate() {
-            let _ = write!(text, " {} |", mean(spread(self.scenes, of, figure), if k == 1 { 3 } else { 2 }));
+            let _ = write!(text, " {} |", mean(spread(self.scenes, means, figure), if k == 1 { 3 } else { 2 }));
         }
         for clip in self.clips {
-            let psnr = of(clip).and_then(|means| means.psnr);
+            let psnr = means(clip).and_then(|means| means.psnr);
             let _ = write!(text, " {} |", psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}")));
         }
         text.push('\n');

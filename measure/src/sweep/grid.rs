@@ -79,8 +79,8 @@ pub const AXES: [Axis; 11] = [
         name: "line-search",
         knobs: &["line-search"],
         none: "",
-        usual: "every",
-        help: "Learned steps after which every Gaussian's length of the step is searched for, with weights that do so",
+        usual: "auto",
+        help: "Learned steps after which every Gaussian's length of the step is searched for",
     },
     Axis {
         name: "refine-views",
@@ -148,8 +148,8 @@ pub struct Parts {
     pub query: bool,
     /// Whether there is a policy.
     pub policy: bool,
-    /// Whether lengths of steps are searched for.
-    pub line_search: bool,
+    /// How lengths of steps are searched for where nobody says otherwise.
+    pub line_search: LineSearch,
 }
 
 /// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation. After
@@ -208,10 +208,10 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
         Density::Policy | Density::Random => model.policy,
     };
     let exact = recipe.density == Density::Exact;
-    let searches = match recipe.line_search {
+    let line_search = match recipe.line_search {
         // The only step is the last one.
-        LineSearch::Last => model.line_search && recipe.refine_steps > 1,
-        _ => model.line_search && recipe.refine_steps > 0,
+        LineSearch::Last if recipe.refine_steps == 1 => LineSearch::Every,
+        line_search => line_search,
     };
     Recipe {
         network: true,
@@ -220,7 +220,11 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
         density_scope: if exact { recipe.density_scope } else { Scope::All },
         thresholds: if acts && !exact { recipe.thresholds } else { Thresholds::default() },
         max_gaussians: recipe.max_gaussians.filter(|_| acts),
-        line_search: if searches { recipe.line_search } else { LineSearch::Every },
+        line_search: if recipe.refine_steps == 0 || line_search == model.line_search {
+            LineSearch::Auto
+        } else {
+            line_search
+        },
         ..recipe
     }
 }
@@ -270,7 +274,12 @@ mod tests {
     }
 
     fn model(query: bool, policy: bool) -> Parts {
-        Parts { weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() }, query, policy, line_search: true }
+        Parts {
+            weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() },
+            query,
+            policy,
+            line_search: LineSearch::Every,
+        }
     }
 
     #[test]
@@ -328,9 +337,9 @@ mod tests {
 
     #[test]
     fn a_line_search_is_told_apart_where_there_are_steps_to_search_along() {
-        let few = [("refine-steps", "0,1,3"), ("line-search", "every,last,off")];
+        let few = [("refine-steps", "0,1,3"), ("line-search", "auto,every,last,off")];
         let axes = Axes { adam: Vec::new(), ..axes(&few) };
         let num_runs = |line_search| runs(&axes, &[Parts { line_search, ..model(true, false) }]).len();
-        assert_eq!((num_runs(true), num_runs(false)), (1 + 2 + 3, 3));
+        assert_eq!([num_runs(LineSearch::Every), num_runs(LineSearch::Off)], [1 + 2 + 3; 2]);
     }
 }

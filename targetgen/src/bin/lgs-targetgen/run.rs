@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use lgs_cli::{Outcome, threads};
 use lgs_engine::allocator;
 use lgs_formats::jobs::choose_part;
-use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
+use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, Normalise, Signal, TargetsConfig, ZScore};
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::job::{self, TargetJob, find_clips};
 use lgs_targetgen::report::{Summary, THRESHOLDS, html, summarise};
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         }
         Some(Command::Retarget(retarget)) => {
             let (transform, out) = (retarget.transform, &retarget.out);
-            let manifest = job::retarget(&retarget.folder, out, transform.log_scale, transform.zscore.into())?;
+            let manifest = job::retarget(&retarget.folder, out, transform.log_scale, transform.zscore)?;
             let summary = summarise(out, &manifest)?;
             write_atomic(&out.join("report.html"), html(&summary, &manifest, &Default::default(), 0).as_bytes())?;
             Ok(text(&summary, &manifest, out).into())
@@ -54,10 +54,10 @@ fn generate(args: &JobArgs) -> Result<Outcome> {
     let model = args.scene.weights.load(args.scene.seed)?;
     let weights = model.as_ref().map(|loaded| loaded.digest.clone());
     let config = TargetsConfig {
-        signal: args.signal.into(),
-        normalise: args.normalise.into(),
+        signal: args.signal,
+        normalise: args.normalise,
         log_scale: args.transform.log_scale,
-        zscore: args.transform.zscore.into(),
+        zscore: args.transform.zscore,
         with_features: args.with_features,
         ..config(&args.scene, &args.sampling, weights)
     };
@@ -92,14 +92,14 @@ fn outcome(text: String, failed: &[FailedClip]) -> Outcome {
 /// The settings that jobs and measurements share; what is left is the default.
 pub(crate) fn config(scene: &SceneArgs, sampling: &SamplingArgs, weights: Option<String>) -> TargetsConfig {
     TargetsConfig {
-        signal: crate::args::SignalArg::Response.into(),
-        normalise: crate::args::NormaliseArg::Branch.into(),
+        signal: Signal::Response,
+        normalise: Normalise::Branch,
         rounds: sampling.rounds,
         rho: sampling.rho,
         neighbours: sampling.neighbours as usize,
         noise_m: sampling.noise_m,
         log_scale: 1.0,
-        zscore: crate::args::ZScoreArg::Joint.into(),
+        zscore: ZScore::Joint,
         with_features: false,
         cameras: scene.cameras.clone(),
         image_size: scene.image_size.map(|size| [size.height, size.width]),

@@ -53,7 +53,7 @@ fn choose(total: &[i16; NUM_LABELS], step: f32) -> Choice {
 }
 
 /// Path costs of the last row of pixels in one direction.
-struct Row {
+struct PathCosts {
     /// `[W]` costs between two entries of [`HIGH`].
     costs: Vec<[i16; PADDED]>,
     /// `[W]` the least of them.
@@ -64,8 +64,8 @@ struct Row {
 fn sweep(volume: &Volume, view: &Reduced, forward: bool) -> Vec<[i16; NUM_LABELS]> {
     let (width, num_pixels) = (view.pinhole.width, volume.costs.len());
     let mut total = vec![[0; NUM_LABELS]; num_pixels];
-    let new_row = || Row { costs: vec![[HIGH; PADDED]; width], least: vec![0; width] };
-    let mut rows: [[Row; 2]; 4] = std::array::from_fn(|_| [new_row(), new_row()]);
+    let new_row = || PathCosts { costs: vec![[HIGH; PADDED]; width], least: vec![0; width] };
+    let mut rows: [[PathCosts; 2]; 4] = std::array::from_fn(|_| [new_row(), new_row()]);
     for place in 0..num_pixels {
         let pixel = if forward { place } else { num_pixels - 1 - place };
         let (line, column) = (place / width, place % width); // in walking order
