@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
-pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
+pub(crate) const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 
 /// In which colours and axes files hold a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -40,7 +40,7 @@ type Rectangle = ([usize; 2], [usize; 2]);
 /// Makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
 /// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set, at the mean of their times.
 /// All of `set` is the `LiDAR` branch.
-pub fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
+pub(crate) fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
     if coarseness == Coarseness::FINEST {
         return;
     }

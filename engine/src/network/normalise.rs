@@ -77,7 +77,7 @@ pub struct LeftOut {
 /// # Shapes
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
 #[must_use]
-pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> LeftOut {
+pub(crate) fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> LeftOut {
     let mut left_out = LeftOut::default();
     for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
         let scales = residual_scale(&set.attributes[i]);

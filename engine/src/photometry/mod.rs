@@ -13,7 +13,7 @@ mod tests;
 use lgs_formats::casts::to_f32;
 use serde::{Deserialize, Serialize};
 
-pub use grey::put_aside;
+pub(crate) use grey::put_aside;
 
 use crate::{
     views::{Response, View},

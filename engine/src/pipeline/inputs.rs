@@ -42,14 +42,14 @@ impl Inputs {
 
     /// The same with initial velocities as `motion` says.
     #[must_use]
-    pub fn with_motion(self, motion: Motion) -> Self {
+    pub(crate) fn with_motion(self, motion: Motion) -> Self {
         Self { motion, ..self }
     }
 
     /// The same with cameras that agree on colours: grey ones beside colour ones step aside, and where colour ones disagree all images are of
     /// common colours, those of the camera `reference` or else of the first.
     #[must_use]
-    pub fn with_common_colours(mut self, reference: Option<&str>) -> Self {
+    pub(crate) fn with_common_colours(mut self, reference: Option<&str>) -> Self {
         self.aside = photometry::put_aside(&mut self.views);
         let mut grey: Vec<String> = self.aside.iter().map(|view| view.camera.clone()).collect();
         grey.sort_unstable();

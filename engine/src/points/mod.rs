@@ -12,8 +12,10 @@ pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::{moved, sample, samples_at, samples_of};
 pub use spacing::{bounded, spacing};
-pub use stray::{Dropped, drop_strays};
-pub use turn::{Turn, tell_apart};
+pub use stray::Dropped;
+pub(crate) use stray::drop_strays;
+pub use turn::Turn;
+pub(crate) use turn::tell_apart;
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///

@@ -90,7 +90,7 @@ impl Recipe {
     }
 
     /// The views that a step looks at.
-    pub const fn view_schedule(&self, seed: u64) -> ViewSchedule {
+    pub(crate) const fn view_schedule(&self, seed: u64) -> ViewSchedule {
         ViewSchedule { views_per_step: self.refine_views, seed }
     }
 

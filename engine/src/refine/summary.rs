@@ -22,7 +22,7 @@ pub enum LineSearch {
 
 impl LineSearch {
     /// Whether it is as usual.
-    pub fn is_auto(&self) -> bool {
+    pub(crate) fn is_auto(&self) -> bool {
         *self == Self::Auto
     }
 
@@ -111,7 +111,7 @@ pub struct RefineSummary {
 
 impl RefineSummary {
     /// Seconds of drawing the views for a step, its loss and gradient, the mean; `None` where nothing was drawn.
-    pub fn drawing_s(&self) -> Option<f64> {
+    pub(crate) fn drawing_s(&self) -> Option<f64> {
         (!self.losses.is_empty()).then(|| (self.seconds.render + self.seconds.loss) / self.losses.len() as f64)
     }
 }

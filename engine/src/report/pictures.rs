@@ -8,9 +8,9 @@ use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
 use crate::{render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.
-pub const ERROR_FULL_SCALE: f32 = 0.5;
+pub(super) const ERROR_FULL_SCALE: f32 = 0.5;
 /// Depths (metres) at the near, bright and the far, dark end of the depth picture's logarithmic scale.
-pub const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
+pub(super) const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
 /// Grey of pixels that take no part in the figures.
 const IGNORED: [u8; 3] = [70, 70, 70];
 const JPEG_QUALITY: u8 = 88;

@@ -20,7 +20,7 @@ use crate::{
 use weights::WeightReader;
 
 /// Smallest side of an image, pixels, for which the third pooling of the trunk still has an input.
-pub const MIN_SIDE: usize = 17;
+pub(crate) const MIN_SIDE: usize = 17;
 
 /// Fire modules of the trunk: index in `features`, channels in, squeezed, expanded (each of the two expansions).
 const FIRES: [(usize, usize, usize, usize); 8] = [

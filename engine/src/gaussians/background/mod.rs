@@ -71,7 +71,7 @@ struct Sheet {
 /// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
 /// Pixels that an earlier Gaussian covers get no other. All of them are static but the own vehicle's, which moves with the
 /// sensors. What is returned says how the clip's depth maps were brought to metres, where they were asked for.
-pub fn add_background(
+pub(crate) fn add_background(
     set: &mut GaussianSet,
     views: &[View],
     cloud: &PointCloud,

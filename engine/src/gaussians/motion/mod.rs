@@ -22,7 +22,8 @@ mod sweeps;
 #[cfg(test)]
 mod tests;
 
-pub use self::boxes::{MovingBox, boxed};
+pub use self::boxes::MovingBox;
+pub(crate) use self::boxes::boxed;
 use serde::{Deserialize, Serialize};
 
 use crate::{points::PointCloud, views::View, words::Words};

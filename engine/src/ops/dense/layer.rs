@@ -41,7 +41,7 @@ impl Layer {
     ///
     /// # Errors
     /// When a shape or dtype does not fit.
-    pub fn add_to(self: &Arc<Self>, onto: Tensor, x: &Tensor) -> Result<Tensor> {
+    pub(crate) fn add_to(self: &Arc<Self>, onto: Tensor, x: &Tensor) -> Result<Tensor> {
         let expected = [self.check(x)?, self.weights.columns()];
         if onto.dims() != expected {
             candle_core::bail!("packed linear: expected a sum {expected:?}, found {:?}", onto.dims());

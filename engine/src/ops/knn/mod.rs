@@ -9,7 +9,8 @@ pub mod reference;
 mod space;
 mod tree;
 
-pub use space::{Near, Space, nearest_in_space};
+pub(crate) use space::nearest_in_space;
+pub use space::{Near, Space};
 
 use crate::error::{EngineError, Result};
 
@@ -88,7 +89,7 @@ pub fn nearest_other_time_of(points: &[[f32; 3]], time_index: &[u32], queries: &
 
 /// Squared distance in f64 of f32 coordinates, summed in the order x, y, z.
 #[inline(always)]
-pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
+pub(crate) fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|c| f64::from(a[c]) - f64::from(b[c]));
     (x * x + y * y) + z * z
 }

@@ -12,7 +12,7 @@ use crate::error::Result;
 /// Bits of a code that hold something: codes are compared as signed integers elsewhere.
 const CODE_BITS: u32 = 63;
 /// The largest depth: 16 bits per axis, as in the reference.
-pub const DEPTH_MAX: u32 = 16;
+pub(crate) const DEPTH_MAX: u32 = 16;
 
 /// A way through the voxels of a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]

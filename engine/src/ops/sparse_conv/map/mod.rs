@@ -54,7 +54,7 @@ impl KernelMap {
     }
 
     /// Number of output rows.
-    pub fn num_outputs(&self) -> usize {
+    pub(crate) fn num_outputs(&self) -> usize {
         self.num_outputs
     }
 
