@@ -45,7 +45,7 @@ impl Shown {
 
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
 /// quaternions of length one (the identity for one without direction), velocities, times and frames beside the usual properties. With a
-/// policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
+/// policy's scores two further columns, `SCORE_COLUMNS`, which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (brightness * colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`, where `brightness` brings the scene's colours to those of a camera: see

@@ -104,7 +104,7 @@ pub(crate) fn is_carried_away(before: &[f32], after: &[f32]) -> bool {
     after.iter().zip(before).any(|(after, before)| after.abs() > REACH.max(before.abs()))
 }
 
-/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
+/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that `add_residuals` made of them and of `set`.
 ///
 /// # Shapes
 /// `gradient` of the whole set; result `[n, width]`.

@@ -90,7 +90,7 @@ impl Picture {
         Self::new(PictureKind::Truth, *width, *height, |i| std::array::from_fn(|k| to_byte(data[3 * i + k])))
     }
 
-    /// The mean absolute difference of the colour channels, black for none to pale yellow for [`ERROR_FULL_SCALE`] and
+    /// The mean absolute difference of the colour channels, black for none to pale yellow for `ERROR_FULL_SCALE` and
     /// more; grey where the view's labels ignore the pixel.
     pub fn of_error(rendered: &Rendered, view: &View) -> Self {
         let ignored = |i: usize| view.labels.as_ref().is_some_and(|labels| labels[i] == PixelLabel::Ignored);
@@ -105,7 +105,7 @@ impl Picture {
         })
     }
 
-    /// The expected depth, bright for near to dark for far on the scale of [`DEPTH_SCALE_M`]; black where nothing was
+    /// The expected depth, bright for near to dark for far on the scale of `DEPTH_SCALE_M`; black where nothing was
     /// drawn.
     pub fn of_depth(rendered: &Rendered) -> Self {
         let depth = rendered.expected_depth();

@@ -110,7 +110,7 @@ impl Lpips {
     /// Distance of two images, 0 for identical ones.
     ///
     /// # Shapes
-    /// Both `[H, W, 3]`, values in 0..=1, H and W at least [`MIN_SIDE`].
+    /// Both `[H, W, 3]`, values in 0..=1, H and W at least `MIN_SIDE`.
     ///
     /// # Formula
     /// Sum over seven layers of the mean over positions of `sum_c w_c (a_c / |a| - b_c / |b|)^2`.

@@ -40,7 +40,7 @@ impl Neighbours {
 /// `points` `[N, 3]` f32, any unit; `time_index` `[N]`, equal for points of one frame; result `[N, k]`.
 ///
 /// # Formula
-/// The first `k` indices `j` with `time_index[j] != time_index[i]` in ascending order of ([`squared_distance`]`(i, j)`, `j`).
+/// The first `k` indices `j` with `time_index[j] != time_index[i]` in ascending order of (`squared_distance(i, j)`, `j`).
 ///
 /// # Source
 /// Cross-Time Point Query of Learning Gaussian Structure.
@@ -58,7 +58,7 @@ pub fn nearest_other_time(points: &[[f32; 3]], time_index: &[u32], k: usize) -> 
 /// `points` `[N, 3]` f32, any unit; `queries` `[M]` indices below N; result `[M, k]`.
 ///
 /// # Formula
-/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by
+/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of (`squared_distance(i, j)`, `j`): exact, ties by
 /// index at every place.
 ///
 /// # Errors
