@@ -6,7 +6,7 @@ use clap::{Args as Group, Parser, Subcommand, builder::RangedU64ValueParser};
 use lgs_engine::network::source::ModelSource;
 use lgs_formats::image::ImageSize;
 use lgs_formats::jobs::Part;
-use lgs_formats::targets::{Normalise, Signal, ZScore};
+use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
 use serde::de::DeserializeOwned;
 
 const MAX_THREADS: u64 = 1024;
@@ -108,7 +108,7 @@ pub(crate) struct SceneArgs {
     pub(crate) image_size: Option<ImageSize>,
 
     /// Seed of everything that is drawn at random
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = TargetsConfig::default().seed)]
     pub(crate) seed: u64,
 
     /// Threads to work with, 1 to 1024; the result does not depend on it [default: one per core]
@@ -120,19 +120,19 @@ pub(crate) struct SceneArgs {
 #[derive(Clone, Debug, PartialEq, Group)]
 pub(crate) struct SamplingArgs {
     /// Rounds of sampling, 1 to 100
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = TargetsConfig::default().rounds, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub(crate) rounds: u8,
 
     /// Probability with which a round samples a primitive, 0 to 1
-    #[arg(long, value_name = "F", default_value_t = 0.2, value_parser = probability)]
+    #[arg(long, value_name = "F", default_value_t = TargetsConfig::default().rho, value_parser = probability)]
     pub(crate) rho: f64,
 
     /// Nearest neighbours whose responses count, 1 to 64
-    #[arg(long, value_name = "K", default_value_t = 8, value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
-    pub(crate) neighbours: u32,
+    #[arg(long, value_name = "K", default_value_t = TargetsConfig::default().neighbours, value_parser = RangedU64ValueParser::<usize>::new().range(1..=64))]
+    pub(crate) neighbours: usize,
 
     /// Standard deviation of a copy's displacement per axis, metres
-    #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = not_negative)]
+    #[arg(long, value_name = "M", default_value_t = TargetsConfig::default().noise_m, value_parser = not_negative)]
     pub(crate) noise_m: f64,
 }
 
@@ -140,7 +140,7 @@ pub(crate) struct SamplingArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Group)]
 pub(crate) struct TransformArgs {
     /// Delta at which the logarithm begins to bend
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "F", default_value_t = TargetsConfig::default().log_scale, value_parser = positive)]
     pub(crate) log_scale: f64,
 
     /// Population that deltas are compared with: `joint`: both actions together; `per-action`: each by itself

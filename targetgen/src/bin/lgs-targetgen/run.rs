@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use lgs_cli::{Outcome, threads};
 use lgs_engine::allocator;
 use lgs_formats::jobs::choose_part;
-use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, Normalise, Signal, TargetsConfig, ZScore};
+use lgs_formats::targets::{FailedClip, MANIFEST_FILE, Manifest, TargetsConfig};
 use lgs_formats::write::write_atomic;
 use lgs_targetgen::job::{self, TargetJob, find_clips};
 use lgs_targetgen::report::{Summary, THRESHOLDS, html, summarise};
@@ -92,19 +92,15 @@ fn outcome(text: String, failed: &[FailedClip]) -> Outcome {
 /// The settings that jobs and measurements share; what is left is the default.
 pub(crate) fn config(scene: &SceneArgs, sampling: &SamplingArgs, weights: Option<String>) -> TargetsConfig {
     TargetsConfig {
-        signal: Signal::Response,
-        normalise: Normalise::Branch,
         rounds: sampling.rounds,
         rho: sampling.rho,
-        neighbours: sampling.neighbours as usize,
+        neighbours: sampling.neighbours,
         noise_m: sampling.noise_m,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: false,
         cameras: scene.cameras.clone(),
         image_size: scene.image_size.map(|size| [size.height, size.width]),
         seed: scene.seed,
         weights,
+        ..TargetsConfig::default()
     }
 }
 
