@@ -84,7 +84,7 @@ pub fn available_bytes() -> Option<u64> {
 }
 
 /// As [`available_bytes`]; where that is less than `need`, what was freed and kept is given back before it is told.
-pub fn available_for(need: u64) -> Option<u64> {
+pub(crate) fn available_for(need: u64) -> Option<u64> {
     let at_once = available_bytes()?;
     if at_once >= need {
         return Some(at_once);

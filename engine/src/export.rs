@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Columns of a policy's scores: how much pruning and how much a copy would help, 0 to 1.
-pub const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
+pub(crate) const SCORE_COLUMNS: [&str; 2] = ["p_prune", "p_add"];
 
 /// In which colours and axes files hold a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +45,7 @@ impl Shown {
 
 /// The scene as a splat cloud, Gaussian by Gaussian in the order of the set, as it is drawn: scales inside their clamp,
 /// quaternions of length one (the identity for one without direction), velocities, times and frames beside the usual properties. With a
-/// policy's scores two further columns, [`SCORE_COLUMNS`], which are 0 for the background.
+/// policy's scores two further columns, `SCORE_COLUMNS`, which are 0 for the background.
 ///
 /// # Formula
 /// `sh_dc = (brightness * colour - 0.5) / Y_0`, `Y_0 = 1 / (2 sqrt(pi))`, where `brightness` brings the scene's colours to those of a camera: see

@@ -54,7 +54,7 @@ impl Pyramid {
 ///
 /// # Formula
 /// `g <- g + l r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches; l is 1, or for each Gaussian that of
-/// [`step_lengths`] where the model's config asks for it and the settings do for that step. Where every step looks at all views, a step
+/// [`step_lengths`] where the settings ask for it in that step. Where every step looks at all views, a step
 /// after which their loss has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than
 /// its start. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
 ///
@@ -137,7 +137,7 @@ impl<'a> Refinement<'a> {
     /// Whether every Gaussian's length of a step is searched for.
     fn searches(&self, index: usize) -> bool {
         let RefineSettings { steps, line_search, .. } = self.settings;
-        self.model.config.step_length == StepLength::Local && line_search.takes(index + 1 == steps)
+        line_search.takes(self.model.config.step_length, index + 1 == steps)
     }
 
     /// The loss of the scene before step `index`, with what the step takes; of the refined scene, which is before none, with what follows.

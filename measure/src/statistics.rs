@@ -102,11 +102,11 @@ mod tests {
 
     #[test]
     fn quartiles_lie_between_the_values() {
-        let of = |values: &[f64]| Quartiles::of(values.iter().copied()).map(|s| [s.q1, s.median, s.q3]);
-        assert_eq!(of(&[3.0, 1.0, 2.0, 5.0, 4.0]), Some([2.0, 3.0, 4.0]));
-        assert_eq!(of(&[4.0, 1.0]), Some([1.75, 2.5, 3.25]));
-        assert_eq!(of(&[7.0]), Some([7.0; 3]));
-        assert_eq!(of(&[]), None);
+        let quartiles = |values: &[f64]| Quartiles::of(values.iter().copied()).map(|s| [s.q1, s.median, s.q3]);
+        assert_eq!(quartiles(&[3.0, 1.0, 2.0, 5.0, 4.0]), Some([2.0, 3.0, 4.0]));
+        assert_eq!(quartiles(&[4.0, 1.0]), Some([1.75, 2.5, 3.25]));
+        assert_eq!(quartiles(&[7.0]), Some([7.0; 3]));
+        assert_eq!(quartiles(&[]), None);
     }
 
     #[test]

@@ -4,13 +4,13 @@
 //! unchanged primitives costs is paid once for all its branches.
 
 use lgs_engine::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
-use lgs_engine::gaussians::{GaussianSet, MEAN};
+use lgs_engine::gaussians::{GaussianSet, MEAN, NUM_ATTRIBUTES};
 use lgs_engine::loss::{LossWeights, image_loss};
 use lgs_engine::render::{Projection, backward_visible};
 use lgs_engine::views::View;
 use lgs_formats::targets::{Signal, TargetsConfig};
 
-use crate::response::{Maxima, Row, zero_non_finite};
+use crate::response::{GradientRow, Maxima, zero_non_finite};
 use crate::sample::{displacement, sampled};
 
 /// Colour behind all Gaussians.
@@ -68,7 +68,7 @@ impl Round {
 }
 
 /// The attributes of a primitive, moved.
-pub(crate) fn copy_of(set: &GaussianSet, i: usize, by: [f32; 3]) -> Row {
+pub(crate) fn copy_of(set: &GaussianSet, i: usize, by: [f32; 3]) -> [f32; NUM_ATTRIBUTES] {
     let mut row = set.attributes[i];
     row[MEAN].iter_mut().zip(by).for_each(|(x, d)| *x += d);
     row
@@ -78,7 +78,7 @@ pub(crate) fn copy_of(set: &GaussianSet, i: usize, by: [f32; 3]) -> Row {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BranchGradient {
     /// `[num_lidar]`, indices of the original branch; zeros for the removed.
-    pub rows: Vec<Row>,
+    pub rows: Vec<GradientRow>,
     /// Over every primitive of the branch, the background and the copies included.
     pub maxima: Maxima,
     /// Primitives whose gradient was not finite and was taken as zero.

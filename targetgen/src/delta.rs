@@ -76,18 +76,18 @@ pub fn response_deltas(
     config: &TargetsConfig,
 ) -> Vec<ActionDeltas> {
     let original = &gradients.original;
-    let of = |branch: &BranchGradient| {
+    let branch_responses = |branch: &BranchGradient| {
         let maxima = if config.normalise == Normalise::Branch { &branch.maxima } else { &original.maxima };
         responses(&branch.rows, maxima)
     };
-    let before = of(original);
+    let before = branch_responses(original);
     let sum = |after: &[f64], around: &[u32]| {
         let pairs = || around.iter().map(|&j| (before[j as usize], after[j as usize]));
         let known = pairs().any(|(before, after)| before != 0.0 || after != 0.0);
         known.then(|| pairs().map(|(before, after)| after - before).sum())
     };
     let round_deltas = |((round, gradients), remaining): ((&Round, &RoundGradients), &Neighbours)| {
-        let (without, with) = (of(&gradients.prune), of(&gradients.add));
+        let (without, with) = (branch_responses(&gradients.prune), branch_responses(&gradients.add));
         let prune = (0..round.chosen.len()).map(|place| sum(&without, remaining.of(place))).collect();
         let around = |&i: &u32| neighbours.originals.of(neighbours.row_of[i as usize] as usize);
         ActionDeltas { prune, add: round.chosen.iter().map(|i| sum(&with, around(i))).collect() }
@@ -98,12 +98,12 @@ pub fn response_deltas(
 /// Deltas of the magnitude signal: a large response asks for a copy, a small one to be pruned.
 pub fn magnitude_deltas(original: &BranchGradient, rounds: &[Round]) -> Vec<ActionDeltas> {
     let response = responses(&original.rows, &original.maxima);
-    let of = |round: &Round| {
+    let round_deltas = |round: &Round| {
         let known = round.chosen.iter().map(|&i| Some(response[i as usize]).filter(|&r| r != 0.0));
         let prune: Vec<Option<f64>> = known.collect();
         ActionDeltas { add: prune.iter().map(|r| r.map(|r| -r)).collect(), prune }
     };
-    rounds.iter().map(of).collect()
+    rounds.iter().map(round_deltas).collect()
 }
 
 /// Deltas of the footprint signal; no information where no pixel shows the primitive.

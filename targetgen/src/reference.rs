@@ -12,17 +12,17 @@ use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
 
 use crate::branches::{BEHIND, Problem, Round};
 use crate::delta::ActionDeltas;
-use crate::response::Row;
+use crate::response::GradientRow;
 
 /// Deltas of every round.
 pub fn deltas(problem: &Problem<'_>, rounds: &[Round], config: &TargetsConfig) -> Vec<ActionDeltas> {
-    let of = |round: &Round| match config.signal {
+    let round_deltas = |round: &Round| match config.signal {
         Signal::Response => response(problem, round, config),
         Signal::Footprint => footprint(problem, round),
         Signal::Magnitude => magnitude(problem, round),
         Signal::Exact => exact::deltas(problem, round),
     };
-    rounds.iter().map(of).collect()
+    rounds.iter().map(round_deltas).collect()
 }
 
 /// The set without a round's primitives, and the set with their copies behind the `LiDAR` branch.
@@ -45,16 +45,16 @@ fn branches(set: &GaussianSet, round: &Round) -> [GaussianSet; 2] {
     [without, with]
 }
 
-fn gradients(problem: &Problem<'_>, set: &GaussianSet) -> Vec<Row> {
+fn gradients(problem: &Problem<'_>, set: &GaussianSet) -> Vec<GradientRow> {
     let views: Vec<&View> = problem.views.iter().collect();
     objective(set, &views, &problem.weights).gradient.attributes
 }
 
-fn largest(rows: &[Row]) -> [f64; NUM_ATTRIBUTES] {
+fn largest(rows: &[GradientRow]) -> [f64; NUM_ATTRIBUTES] {
     std::array::from_fn(|c| rows.iter().map(|row| f64::from(row[c].abs())).fold(0.0, f64::max))
 }
 
-fn response_of(row: &Row, largest: &[f64; NUM_ATTRIBUTES]) -> f64 {
+fn response_of(row: &GradientRow, largest: &[f64; NUM_ATTRIBUTES]) -> f64 {
     let share = |c: usize| if row[c] == 0.0 { 0.0 } else { f64::from(row[c].abs()) / largest[c] };
     (0..NUM_ATTRIBUTES).map(share).sum::<f64>() / NUM_ATTRIBUTES as f64
 }
@@ -72,7 +72,7 @@ fn response(problem: &Problem<'_>, round: &Round, config: &TargetsConfig) -> Act
     let set = problem.set;
     let before = gradients(problem, set);
     let [without, with] = branches(set, round).map(|branch| gradients(problem, &branch));
-    let by = |rows: &[Row]| largest(if config.normalise == Normalise::Branch { rows } else { &before });
+    let by = |rows: &[GradientRow]| largest(if config.normalise == Normalise::Branch { rows } else { &before });
     let kept: Vec<usize> = (0..set.num_lidar).filter(|&i| !round.removed[i]).collect();
     let sum = |pairs: Vec<(f64, f64)>| {
         let known = pairs.iter().any(|&pair| pair != (0.0, 0.0));
@@ -94,8 +94,8 @@ fn response(problem: &Problem<'_>, round: &Round, config: &TargetsConfig) -> Act
 
 fn magnitude(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
     let before = gradients(problem, problem.set);
-    let of = |&i: &u32| Some(response_of(&before[i as usize], &largest(&before))).filter(|&r| r != 0.0);
-    let prune: Vec<Option<f64>> = round.chosen.iter().map(of).collect();
+    let response = |&i: &u32| Some(response_of(&before[i as usize], &largest(&before))).filter(|&r| r != 0.0);
+    let prune: Vec<Option<f64>> = round.chosen.iter().map(response).collect();
     ActionDeltas { add: prune.iter().map(|r| r.map(|r| -r)).collect(), prune }
 }
 
@@ -124,8 +124,8 @@ fn footprint(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
             }
         }
     }
-    let of = |action: usize| sums.iter().map(|sum| Some(sum[action] / loss).filter(|&d| d != 0.0)).collect();
-    ActionDeltas { prune: of(0), add: of(1) }
+    let share_of_loss = |action: usize| sums.iter().map(|sum| Some(sum[action] / loss).filter(|&d| d != 0.0)).collect();
+    ActionDeltas { prune: share_of_loss(0), add: share_of_loss(1) }
 }
 
 /// Targets of raw deltas, `None` where masked.

@@ -10,7 +10,7 @@ const EPSILON: f64 = f64::MIN_POSITIVE;
 const ROWS: usize = 1 << 14;
 
 /// Gradients of one primitive by its raw attributes.
-pub type Row = [f32; NUM_ATTRIBUTES];
+pub type GradientRow = [f32; NUM_ATTRIBUTES];
 
 /// Largest absolute gradient of each attribute over all primitives of a branch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,8 +18,9 @@ pub struct Maxima(pub [f64; NUM_ATTRIBUTES]);
 
 impl Maxima {
     /// Those of rows of gradients.
-    pub fn of(gradients: &[Row]) -> Self {
-        let of_chunk = |rows: &[Row]| rows.iter().fold(Self::default(), |maxima, row| maxima.with(&row.map(f64::from)));
+    pub fn of(gradients: &[GradientRow]) -> Self {
+        let of_chunk =
+            |rows: &[GradientRow]| rows.iter().fold(Self::default(), |maxima, row| maxima.with(&row.map(f64::from)));
         let chunks: Vec<Self> = gradients.par_chunks(ROWS).map(of_chunk).collect();
         chunks.iter().fold(Self::default(), |maxima, chunk| maxima.with(&chunk.0))
     }
@@ -42,15 +43,15 @@ impl Maxima {
 ///
 /// # Source
 /// The paper, section 3.2, local gradient response.
-pub fn responses(gradients: &[Row], maxima: &Maxima) -> Vec<f64> {
+pub fn responses(gradients: &[GradientRow], maxima: &Maxima) -> Vec<f64> {
     let scale = maxima.0.map(|max| 1.0 / (NUM_ATTRIBUTES as f64 * (max + EPSILON)));
     // The inverse of a maximum of zero is finite, and so is its product with zeros.
-    let response = |row: &Row| row.iter().zip(&scale).map(|(g, s)| f64::from(g.abs()) * s).sum();
+    let response = |row: &GradientRow| row.iter().zip(&scale).map(|(g, s)| f64::from(g.abs()) * s).sum();
     gradients.par_iter().with_min_len(ROWS).map(response).collect()
 }
 
 /// Sets rows with a gradient that is not finite to zero; returns how many there were.
-pub fn zero_non_finite(gradients: &mut [Row]) -> usize {
+pub fn zero_non_finite(gradients: &mut [GradientRow]) -> usize {
     let spoiled = gradients.iter_mut().filter(|row| !row.iter().all(|g| g.is_finite()));
     spoiled.map(|row| row.fill(0.0)).count()
 }

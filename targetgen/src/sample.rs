@@ -53,13 +53,13 @@ mod tests {
     #[test]
     fn the_share_is_rho_and_rounds_seeds_and_clips_differ() {
         let n = 20_000;
-        let of = |seed, round| sampled(seed, round, n, 0.2);
-        let share = of(3, 0).iter().filter(|s| **s).count() as f64 / n as f64;
+        let draw = |seed, round| sampled(seed, round, n, 0.2);
+        let share = draw(3, 0).iter().filter(|s| **s).count() as f64 / n as f64;
         assert!((share - 0.2).abs() < 0.01, "{share}");
-        assert_ne!(of(3, 0), of(3, 1));
-        assert_ne!(of(3, 0), of(4, 0));
+        assert_ne!(draw(3, 0), draw(3, 1));
+        assert_ne!(draw(3, 0), draw(4, 0));
         assert_ne!(clip_seed(0, "a"), clip_seed(0, "b"));
-        assert_eq!(of(3, 0)[..50], sampled(3, 0, 50, 0.2));
+        assert_eq!(draw(3, 0)[..50], sampled(3, 0, 50, 0.2));
         assert!(sampled(1, 0, 100, 1.0).iter().all(|s| *s) && !sampled(1, 0, 100, 0.0).iter().any(|s| *s));
     }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 use lgs_engine::gaussians::physical::to_physical;
 use lgs_engine::loss::{LossWeights, image_loss};
 use lgs_engine::render::{backward, render_for_gradient};
-use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
+use lgs_formats::targets::{Signal, TargetsConfig};
 use lgs_targetgen::generate::Seconds;
 use lgs_targetgen::job::{TargetJob, find_clips, run};
 use lgs_targetgen::scene::{PredictedScene, load_scene};
@@ -37,21 +37,7 @@ fn main() -> Result<(), Failed> {
 }
 
 fn config(cameras: Option<Vec<String>>, image_size: Option<[usize; 2]>) -> TargetsConfig {
-    TargetsConfig {
-        signal: Signal::Response,
-        normalise: Normalise::Branch,
-        rounds: ROUNDS,
-        rho: 0.2,
-        neighbours: 8,
-        noise_m: 0.01,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: false,
-        cameras,
-        image_size,
-        seed: 0,
-        weights: None,
-    }
+    TargetsConfig { rounds: ROUNDS, cameras, image_size, ..TargetsConfig::default() }
 }
 
 fn measure(out: &mut dyn std::io::Write, clip: &Path, config: &TargetsConfig) -> Result<(), Failed> {

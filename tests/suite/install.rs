@@ -108,11 +108,17 @@ fn has_all() -> Outcome {
     Err(format!("found {found:?}; programs/Cargo.toml misses {missing:?}").into())
 }
 
+/// Runs a command of the page that builds, in a folder of its own: it would take away the programs that other cases run.
+fn build(command: &str, more: &str, place: &Path) -> Outcome {
+    let target = places::repository().join("target/install");
+    let line = format!("CARGO_TARGET_DIR='{}' {command} --offline {more} '{}'", target.display(), place.display());
+    run("bash".as_ref(), &["-ec", &line], places::repository())?.expect_success()
+}
+
 fn with_cargo() -> Outcome {
     for command in commands("cargo install")? {
         let place = tempfile::tempdir()?;
-        let more = format!("{command} --offline --root {}", place.path().display());
-        run("bash".as_ref(), &["-ec", &more], places::repository())?.expect_success()?;
+        build(&command, "--root", place.path())?;
         let program = place.path().join("bin").join(format!("lgs-infer{}", env::consts::EXE_SUFFIX));
         names_no_model(&program)?;
         reconstructs(&program)?;
@@ -123,8 +129,7 @@ fn with_cargo() -> Outcome {
 fn as_a_wheel() -> Outcome {
     let place = tempfile::tempdir()?;
     for command in commands("maturin")? {
-        let more = format!("{command} --offline --out {}", place.path().display());
-        run("bash".as_ref(), &["-ec", &more], places::repository())?.expect_success()?;
+        build(&command, "--out", place.path())?;
     }
     let wheels: Vec<PathBuf> = fs::read_dir(place.path())?.map(|e| Ok(e?.path())).collect::<std::io::Result<_>>()?;
     let [wheel] = wheels.as_slice() else { return Err(format!("wheels {wheels:?}, want one").into()) };

@@ -119,7 +119,7 @@ impl TrueVelocities {
         let count = |wanted: fn(&Truth) -> bool| self.truths.iter().filter(|t| wanted(t)).count() as f64;
         let moving = weight / count(|t| matches!(t, Truth::Moving(_))).max(FEW);
         let resting = weight / count(|t| *t == Truth::Resting).max(FEW);
-        let of = |(truth, velocity): (&Truth, &[f32; 3])| {
+        let gradient = |(truth, velocity): (&Truth, &[f32; 3])| {
             let velocity = DVec3::from(velocity.map(f64::from));
             let (error, share) = match truth {
                 Truth::Moving(v) => (velocity - v, moving),
@@ -128,7 +128,7 @@ impl TrueVelocities {
             };
             (error * (share / (error.length_squared() + ROUND * ROUND).sqrt())).to_array().map(to_f32)
         };
-        self.truths.iter().zip(&scene.velocities).map(of).collect()
+        self.truths.iter().zip(&scene.velocities).map(gradient).collect()
     }
 
     /// The errors of a scene whose `LiDAR` branch has the primitives of the initial one, in their order.
@@ -180,7 +180,7 @@ impl MovingBox {
 /// The boxes of a frame whose track moves. Its motion is that between its neighbours among the `known` frames of the track.
 fn moving_boxes(clip: &Clip, frame: usize, known: &[usize]) -> Vec<MovingBox> {
     let boxes = clip.frames[frame].boxes.iter().flatten();
-    let of = |tracked: &TrackedBox| {
+    let moving_box = |tracked: &TrackedBox| {
         let at = |index: usize| {
             let record = &clip.frames[index];
             let same = record.boxes.iter().flatten().find(|b| b.track == tracked.track)?;
@@ -199,7 +199,7 @@ fn moving_boxes(clip: &Clip, frame: usize, known: &[usize]) -> Vec<MovingBox> {
             seconds,
         })
     };
-    boxes.filter_map(of).collect()
+    boxes.filter_map(moving_box).collect()
 }
 
 #[cfg(test)]

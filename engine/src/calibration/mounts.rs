@@ -147,7 +147,7 @@ fn pairs(cloud: &PointCloud, views: &[View], cameras: &[Option<usize>]) -> Vec<P
     let rank = |frame: usize| frames.partition_point(|&f| f < frame);
     let grid = |view: &View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
     let grids: Vec<DepthGrid> = views.par_iter().map(grid).collect();
-    let of = |point: usize| -> Vec<Pair> {
+    let point_pairs = |point: usize| -> Vec<Pair> {
         let own = cloud.frames[point] as usize;
         let shown = |k: usize| -> Option<(usize, [f32; 3])> {
             let view = &views[k];
@@ -173,16 +173,16 @@ fn pairs(cloud: &PointCloud, views: &[View], cameras: &[Option<usize>]) -> Vec<P
         }
         found
     };
-    let found: Vec<Pair> = (0..cloud.len()).into_par_iter().flat_map_iter(of).collect();
+    let found: Vec<Pair> = (0..cloud.len()).into_par_iter().flat_map_iter(point_pairs).collect();
     let step = found.len().div_ceil(MOST_PAIRS).max(1);
     found.into_iter().step_by(step).collect()
 }
 
 /// How each camera is to be changed, and what is unexplained before and after; `None` where all are where they are stated, as far as can be told.
 fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> Option<(Vec<Change>, [f64; 2])> {
-    let of = |camera: usize| move |pair: &Pair| pair.cameras.contains(&camera);
+    let has_camera = |camera: usize| move |pair: &Pair| pair.cameras.contains(&camera);
     let mut free: Vec<bool> = (0..num_cameras)
-        .map(|c| c != reference && pairs.iter().filter(|pair| of(c)(pair)).count() >= FEWEST_PAIRS)
+        .map(|c| c != reference && pairs.iter().filter(|pair| has_camera(c)(pair)).count() >= FEWEST_PAIRS)
         .collect();
     let levels: Vec<Vec<Detail>> =
         LEVELS.iter().map(|&(factor, _)| views.par_iter().map(|view| Detail::new(view, factor)).collect()).collect();
@@ -210,7 +210,7 @@ fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> 
         };
         let better: Vec<bool> = (0..num_cameras)
             .map(|camera| {
-                let [before, after] = shares(&of(camera));
+                let [before, after] = shares(&has_camera(camera));
                 free[camera] && after < LESS * before
             })
             .collect();

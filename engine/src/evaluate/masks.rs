@@ -27,7 +27,7 @@ const NEAR: f64 = views::NEAR as f64;
 /// Boxes are given at the moment of the LiDAR; each is carried to the view's own moment with its track's velocity: the
 /// difference of its positions in the neighbouring frames of the track, by their timestamps. Where the shutter rolls, a box is carried to the moment at which its middle is exposed. A track of a single frame has
 /// no known velocity and counts as static.
-pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec<bool>> {
+pub(crate) fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec<bool>> {
     let record = clip.frames.get(view.frame)?;
     let camera = record.cameras.iter().find(|c| c.camera.name == view.camera);
     let labels = view.labels.as_deref().filter(|_| camera.is_some_and(|c| c.mask.is_some()));
@@ -40,7 +40,7 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
         let Some(velocity) = track_velocity(clip, view.frame, tracked).filter(|v| v.length() > MOVING_SPEED) else {
             continue;
         };
-        let (camera, seconds) = exposing(pinhole, frame, (tracked, velocity), record.lidar.timestamp);
+        let (camera, seconds) = exposing(pinhole, frame, tracked, velocity, record.lidar.timestamp);
         let camera_from_world = camera_from_clip(&camera) * frame.clip_from_world;
         if is_around(tracked, camera_from_world.inverse().translation() - velocity * seconds) {
             continue;
@@ -58,7 +58,8 @@ pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec
 fn exposing(
     pinhole: &PinholeView,
     frame: &ClipFrame,
-    (tracked, velocity): (&TrackedBox, DVec3),
+    tracked: &TrackedBox,
+    velocity: DVec3,
     given: f64,
 ) -> (PinholeView, f64) {
     let until = |view: &PinholeView| frame.time_zero + f64::from(view.time) - given;

@@ -18,7 +18,7 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
 ///
 /// # Formula
 /// As [`psnr`]; the squared error is divided by the kept pixels times three.
-pub fn psnr_where(a: &[f32], b: &[f32], keep: impl Fn(usize) -> bool) -> Option<f64> {
+pub(crate) fn psnr_where(a: &[f32], b: &[f32], keep: impl Fn(usize) -> bool) -> Option<f64> {
     let (mut sum, mut count) = (0.0_f64, 0_usize);
     let pixels = a.chunks_exact(3).zip(b.chunks_exact(3)).enumerate();
     for (_, (a, b)) in pixels.filter(|(i, _)| keep(*i)) {

@@ -40,13 +40,13 @@ type Rectangle = ([usize; 2], [usize; 2]);
 /// Makes one Gaussian of initial ones of the same sweep that share a few pixels of an image of their own frame, show the same
 /// colour, lie on one plane and move alike. It stands where the first of them stood in the order of the set, at the mean of their times.
 /// All of `set` is the `LiDAR` branch.
-pub fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
+pub(crate) fn merge_dense(set: &mut GaussianSet, views: &[View], coarseness: Coarseness) {
     if coarseness == Coarseness::FINEST {
         return;
     }
     let mut fate = vec![Fate::Stays; set.len()];
     for view in views.iter().filter(|view| view.role == Role::Input) {
-        of_view(set, (view, &finer(view, views)), coarseness, &mut fate);
+        of_view(set, view, &finer(view, views), coarseness, &mut fate);
     }
     let kept: Vec<usize> = (0..set.len()).filter(|&i| !matches!(fate[i], Fate::Goes)).collect();
     for (i, fate) in fate.iter().enumerate() {
@@ -74,9 +74,9 @@ fn finer<'a>(view: &View, views: &'a [View]) -> Vec<&'a View> {
     views.iter().filter(finer).collect()
 }
 
-fn of_view(set: &GaussianSet, (view, finer): (&View, &[&View]), coarseness: Coarseness, fate: &mut [Fate]) {
+fn of_view(set: &GaussianSet, view: &View, finer: &[&View], coarseness: Coarseness, fate: &mut [Fate]) {
     let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let all = seen_in(set, (view, finer), fate);
+    let all = seen_in(set, view, finer, fate);
     let first = first_by_pixel(&all, view.pinhole.num_pixels());
     // A rectangle takes all returns of its pixels that are left, so that pixels are taken as a whole.
     let mut taken = vec![false; view.pinhole.num_pixels()];
@@ -114,7 +114,7 @@ fn of_view(set: &GaussianSet, (view, finer): (&View, &[&View]), coarseness: Coar
 }
 
 /// The returns of a view's own frame that it shows, that no finer one does and that are still what they were, by pixel.
-fn seen_in(set: &GaussianSet, (view, finer): (&View, &[&View]), fate: &[Fate]) -> Vec<Seen> {
+fn seen_in(set: &GaussianSet, view: &View, finer: &[&View], fate: &[Fate]) -> Vec<Seen> {
     let seen = |index: usize| {
         let own = u32::try_from(view.frame).is_ok_and(|frame| frame == set.frames[index]);
         if !own || !matches!(fate[index], Fate::Stays) {
@@ -163,7 +163,7 @@ fn together(
     let shines_through: f32 =
         returns.iter().map(|seen| 1.0 - sigmoid(set.attributes[seen.index][LOGIT_OPACITY])).product();
     let mut made = row([0.0; 3], 1.0, (1.0 - shines_through).min(OPACITY), colour);
-    put(&mut made, &view.pinhole, (middle, plane), sigmas(size, SIGMA_SHARE));
+    put(&mut made, &view.pinhole, middle, plane, sigmas(size, SIGMA_SHARE));
     // From the first one's time, so that the mean of equal times is that time.
     let later: f32 = returns.iter().map(|seen| set.times[seen.index] - set.times[lead]).sum();
     let time = set.times[lead] + later / returns.len() as f32;
@@ -226,11 +226,11 @@ mod tests {
     fn scene(returns: &[([f32; 2], f32)]) -> (GaussianSet, View) {
         let pinhole = ahead(SIZE, SIZE, 20.0);
         let view = seen(pinhole, vec![0.5; 3 * SIZE * SIZE]);
-        let of = |&([u, v], depth): &([f32; 2], f32)| {
+        let attributes_of = |&([u, v], depth): &([f32; 2], f32)| {
             let mean = pinhole.unproject(crate::views::Projected { u, v, depth });
             row(mean, 0.01, 0.5, [0.5; 3])
         };
-        let attributes: Vec<_> = returns.iter().map(of).collect();
+        let attributes: Vec<_> = returns.iter().map(attributes_of).collect();
         let count = attributes.len();
         let (times, frames, velocities) = (vec![0.0; count], vec![0; count], vec![[0.0; 3]; count]);
         (GaussianSet { attributes, times, frames, velocities, num_lidar: count }, view)

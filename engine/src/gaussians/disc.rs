@@ -51,7 +51,8 @@ pub(super) fn sigmas(size: [usize; 2], share: f32) -> [f32; 2] {
 pub(super) fn put(
     row: &mut [f32; NUM_ATTRIBUTES],
     view: &PinholeView,
-    (place, plane): ([f32; 2], Plane),
+    place: [f32; 2],
+    plane: Plane,
     sigmas: [f32; 2],
 ) {
     let [u, v] = place;
@@ -103,7 +104,7 @@ mod tests {
 
     fn made(place: [f32; 2], plane: Plane, sigmas: [f32; 2]) -> [f32; NUM_ATTRIBUTES] {
         let mut row = [0.0; NUM_ATTRIBUTES];
-        put(&mut row, &turned(), (place, plane), sigmas);
+        put(&mut row, &turned(), place, plane, sigmas);
         row
     }
 

@@ -10,7 +10,7 @@ pub mod physical;
 pub mod split;
 
 pub use coarseness::Coarseness;
-pub use dense::merge_dense;
+pub(crate) use dense::merge_dense;
 pub use initial::initial;
 
 use crate::error::{EngineError, Result};
@@ -96,7 +96,7 @@ pub struct Gaussian {
 }
 
 /// The mean of raw parameters, metres.
-pub fn mean_of(attributes: &[f32; NUM_ATTRIBUTES]) -> [f32; 3] {
+pub(crate) fn mean_of(attributes: &[f32; NUM_ATTRIBUTES]) -> [f32; 3] {
     std::array::from_fn(|k| attributes[MEAN.start + k])
 }
 
@@ -140,7 +140,7 @@ impl GaussianSet {
     }
 
     /// The branch that Gaussian `i` belongs to.
-    pub fn branch_of(&self, i: usize) -> Branch {
+    pub(crate) fn branch_of(&self, i: usize) -> Branch {
         if i < self.num_lidar { Branch::Lidar } else { Branch::Background }
     }
 

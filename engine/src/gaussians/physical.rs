@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use super::{Branch, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
-pub const MIN_SCALE: f32 = 1e-4;
+pub(crate) const MIN_SCALE: f32 = 1e-4;
 /// Largest physical scale of the `LiDAR` branch, metres (specification, section 4).
-pub const MAX_SCALE: f32 = 1.0;
+pub(crate) const MAX_SCALE: f32 = 1.0;
 /// Log scales beyond this would overflow a squared f32 scale; only the background branch, which has no upper clamp, can reach it.
 const MAX_LOG_SCALE: f32 = 20.0;
 

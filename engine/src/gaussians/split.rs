@@ -3,7 +3,7 @@
 //! # Formula
 //! Along the axis that is split the halves stand `0.3` standard deviations to either side. Their size along and across it, and their opacity,
 //! are those with the least squared difference between `1 - (1 - a)(1 - b)` of the halves and the alpha of the whole, over the plane:
-//! [`FITS`], linear between its rows. Left over are 36 dB for an opaque Gaussian and more for others.
+//! `FITS`, linear between its rows. Left over are 36 dB for an opaque Gaussian and more for others.
 
 use glam::{DQuat, DVec3};
 use lgs_formats::casts::to_f32;

@@ -17,7 +17,7 @@ impl Model {
     }
 
     /// The refinement of a branch.
-    pub const fn refine_of(&self, branch: Branch) -> &Pass {
+    pub(crate) const fn refine_of(&self, branch: Branch) -> &Pass {
         match branch {
             Branch::Lidar => &self.refine,
             Branch::Background => &self.background_refine,

@@ -6,12 +6,12 @@ use crate::gaussians::physical::{logit, sigmoid};
 use crate::gaussians::{GaussianSet, LOGIT_COLOUR, MEAN, MeanResiduals, NUM_ATTRIBUTES, QUAT, RawGradient};
 
 /// Columns of the input of a refinement step: attributes, time, velocity and the gradients of attributes and velocity.
-pub const REFINE_INPUTS: usize = 2 * NUM_ATTRIBUTES + 1 + 2 * 3;
+pub(crate) const REFINE_INPUTS: usize = 2 * NUM_ATTRIBUTES + 1 + 2 * 3;
 /// Columns of the input of a refinement step of the background: attributes, time, gradients of attributes.
-pub const BACKGROUND_REFINE_INPUTS: usize = 2 * NUM_ATTRIBUTES + 1;
+pub(crate) const BACKGROUND_REFINE_INPUTS: usize = 2 * NUM_ATTRIBUTES + 1;
 
 /// Columns of the input of a refinement step: of a model that is guided by residuals [`MORE`] more.
-pub const fn refine_inputs(guidance: Guidance, moving: bool) -> usize {
+pub(crate) const fn refine_inputs(guidance: Guidance, moving: bool) -> usize {
     let columns = if moving { REFINE_INPUTS } else { BACKGROUND_REFINE_INPUTS };
     match guidance {
         Guidance::Gradient => columns,
@@ -20,7 +20,7 @@ pub const fn refine_inputs(guidance: Guidance, moving: bool) -> usize {
 }
 
 /// Columns of the inputs of a point that are gradients.
-pub const fn gradient_inputs(moving: bool) -> usize {
+pub(crate) const fn gradient_inputs(moving: bool) -> usize {
     if moving { NUM_ATTRIBUTES + 3 } else { NUM_ATTRIBUTES }
 }
 

@@ -55,7 +55,7 @@ impl Heads {
     }
 
     /// Whether a hidden layer reads the inputs of each Gaussian: else the outputs are the same for equal features.
-    pub const fn read_point_inputs(&self) -> bool {
+    pub(crate) const fn read_point_inputs(&self) -> bool {
         self.hidden.is_some()
     }
 

@@ -48,7 +48,7 @@ impl Linear {
     ///
     /// # Errors
     /// As [`Linear::new`].
-    pub fn zero_without_bias(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
+    pub(crate) fn zero_without_bias(inputs: usize, outputs: usize, vb: &VarBuilder<'_>) -> Result<Self> {
         let weight = vb.get_with_hints((outputs, inputs), "weight", Init::Const(0.0))?;
         let bias = Tensor::zeros(outputs, weight.dtype(), weight.device())?;
         Ok(Self::of(weight, bias))
@@ -88,7 +88,7 @@ impl Linear {
     ///
     /// # Errors
     /// When a shape does not fit.
-    pub fn add_to(&self, onto: Tensor, x: &Tensor) -> Result<Tensor> {
+    pub(crate) fn add_to(&self, onto: Tensor, x: &Tensor) -> Result<Tensor> {
         match &self.0 {
             Weights::Tensors { weight, bias } => onto + dense::linear(x, weight, bias)?,
             Weights::Packed(layer) => layer.add_to(onto, x),

@@ -77,7 +77,7 @@ pub struct LeftOut {
 /// # Shapes
 /// `outputs` `[n, 14]`, or `[n, 17]` with velocities behind the attributes.
 #[must_use]
-pub fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> LeftOut {
+pub(crate) fn add_residuals(set: &mut GaussianSet, chosen: &[usize], outputs: &[f32], width: usize) -> LeftOut {
     let mut left_out = LeftOut::default();
     for (&i, output) in chosen.iter().zip(outputs.chunks_exact(width)) {
         let scales = residual_scale(&set.attributes[i]);
@@ -104,7 +104,7 @@ pub(crate) fn is_carried_away(before: &[f32], after: &[f32]) -> bool {
     after.iter().zip(before).any(|(after, before)| after.abs() > REACH.max(before.abs()))
 }
 
-/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that [`add_residuals`] made of them and of `set`.
+/// Gradients of a scalar by head outputs, from its gradients by the Gaussians that `add_residuals` made of them and of `set`.
 ///
 /// # Shapes
 /// `gradient` of the whole set; result `[n, width]`.

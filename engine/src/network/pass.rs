@@ -34,7 +34,7 @@ impl Pass {
     ///
     /// # Errors
     /// When a shape does not fit.
-    pub fn site_features(&self, rows: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
+    pub(crate) fn site_features(&self, rows: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
         self.unet.forward(&mean_pool(rows, &levels.points)?, levels, train)
     }
 
@@ -56,7 +56,13 @@ impl Pass {
     ///
     /// # Errors
     /// When a shape does not fit.
-    pub fn gated_features(&self, rows: &Tensor, point_inputs: &Tensor, levels: &Levels, train: bool) -> Result<Tensor> {
+    pub(crate) fn gated_features(
+        &self,
+        rows: &Tensor,
+        point_inputs: &Tensor,
+        levels: &Levels,
+        train: bool,
+    ) -> Result<Tensor> {
         if self.heads.read_point_inputs() {
             return self.features(rows, levels, train);
         }

@@ -75,7 +75,7 @@ impl FromStr for ModelSource {
 ///
 /// # Errors
 /// When none does: there was no weights file when the program was built.
-pub fn shipped_model() -> Result<LoadedModel> {
+pub(crate) fn shipped_model() -> Result<LoadedModel> {
     let Some(bytes) = shipped::BYTES else {
         let expected = format!("a file, or none: this program was built without {}", shipped::FILE);
         return Err(EngineError::Setting { setting: "weights", expected, found: shipped::NAME.to_owned() });

@@ -20,7 +20,7 @@ const PIECE: usize = 1 << 14;
 ///
 /// # Errors
 /// When the values are not f32 on the host.
-pub fn gelu(x: &Tensor) -> Result<Tensor> {
+pub(crate) fn gelu(x: &Tensor) -> Result<Tensor> {
     x.contiguous()?.apply_op1(Activation::Gelu)
 }
 
@@ -28,7 +28,7 @@ pub fn gelu(x: &Tensor) -> Result<Tensor> {
 ///
 /// # Errors
 /// As [`gelu`].
-pub fn gelu_owned(x: Tensor) -> Result<Tensor> {
+pub(crate) fn gelu_owned(x: Tensor) -> Result<Tensor> {
     if x.track_op() {
         return gelu(&x);
     }
@@ -44,7 +44,7 @@ pub fn gelu_owned(x: Tensor) -> Result<Tensor> {
 ///
 /// # Errors
 /// When the values are not f32 on the host.
-pub fn relu(x: &Tensor) -> Result<Tensor> {
+pub(crate) fn relu(x: &Tensor) -> Result<Tensor> {
     x.contiguous()?.apply_op1(Activation::Relu)
 }
 

@@ -18,7 +18,11 @@ use super::tensors::{slice, with_values};
 ///
 /// # Errors
 /// When the lengths do not fit or an index is out of range.
-pub fn with_neighbour_mean(features: &Tensor, neighbours: &Arc<Vec<u32>>, k: usize) -> candle_core::Result<Tensor> {
+pub(crate) fn with_neighbour_mean(
+    features: &Tensor,
+    neighbours: &Arc<Vec<u32>>,
+    k: usize,
+) -> candle_core::Result<Tensor> {
     let (rows, width) = features.dims2()?;
     if neighbours.len() != rows * k {
         candle_core::bail!("neighbour mean: expected {rows} x {k} indices, found {}", neighbours.len());

@@ -13,7 +13,7 @@ const SEEN: f64 = 0.8;
 
 /// The grey cameras' views, taken out of `views`, where colour cameras see what they see; they show common colours as brightness. None are
 /// taken where all are grey.
-pub fn put_aside(views: &mut Vec<View>) -> Vec<View> {
+pub(crate) fn put_aside(views: &mut Vec<View>) -> Vec<View> {
     let mut cameras: Vec<(String, bool)> = Vec::new();
     for view in views.iter() {
         match cameras.iter_mut().find(|(name, _)| *name == view.camera) {

@@ -13,7 +13,7 @@ mod tests;
 use lgs_formats::casts::to_f32;
 use serde::{Deserialize, Serialize};
 
-pub use grey::put_aside;
+pub(crate) use grey::put_aside;
 
 use crate::{
     views::{Response, View},
@@ -199,12 +199,12 @@ impl Shown {
 /// What the brightest common colours are, at least 1.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
 fn brightest(views: &[View], images: &[ImageResponse]) -> f32 {
-    let of = |(view, image): (&View, &ImageResponse)| {
+    let common_colours = |(view, image): (&View, &ImageResponse)| {
         let mut changed = view.image.data.clone();
         image.response.to_common(&mut changed, &view.pinhole);
         changed.into_iter().step_by(STRIDE)
     };
-    let mut all: Vec<f32> = views.iter().zip(images).flat_map(of).collect();
+    let mut all: Vec<f32> = views.iter().zip(images).flat_map(common_colours).collect();
     all.sort_unstable_by(f32::total_cmp);
     let place = (all.len() as f64 * (1.0 - CLIPPED)) as usize;
     all.get(place).copied().unwrap_or(1.0).max(1.0)

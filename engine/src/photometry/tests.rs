@@ -30,11 +30,11 @@ fn view(camera: &str, frame: usize, right: f32, response: Response) -> View {
 }
 
 fn rig(second: Response) -> Vec<View> {
-    let of = |frame: usize| {
+    let frame_views = |frame: usize| {
         let moved = 0.8 * frame as f32;
         [view("a", frame, moved, Response::IDENTITY), view("b", frame, moved + 4.0, second)]
     };
-    (0..3).flat_map(of).collect()
+    (0..3).flat_map(frame_views).collect()
 }
 
 #[test]

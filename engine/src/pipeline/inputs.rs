@@ -42,14 +42,14 @@ impl Inputs {
 
     /// The same with initial velocities as `motion` says.
     #[must_use]
-    pub fn with_motion(self, motion: Motion) -> Self {
+    pub(crate) fn with_motion(self, motion: Motion) -> Self {
         Self { motion, ..self }
     }
 
     /// The same with cameras that agree on colours: grey ones beside colour ones step aside, and where colour ones disagree all images are of
     /// common colours, those of the camera `reference` or else of the first.
     #[must_use]
-    pub fn with_common_colours(mut self, reference: Option<&str>) -> Self {
+    pub(crate) fn with_common_colours(mut self, reference: Option<&str>) -> Self {
         self.aside = photometry::put_aside(&mut self.views);
         let mut grey: Vec<String> = self.aside.iter().map(|view| view.camera.clone()).collect();
         grey.sort_unstable();
@@ -104,7 +104,7 @@ impl Inputs {
 
     /// The tracked boxes of the input frames.
     fn boxes(&self) -> Vec<MovingBox> {
-        let of = |&frame: &usize| {
+        let frame_boxes = |&frame: &usize| {
             let record = &self.dir.clip().frames[frame];
             record.boxes.iter().flatten().map(move |tracked| MovingBox {
                 frame: u32::try_from(frame).unwrap_or(u32::MAX),
@@ -114,7 +114,7 @@ impl Inputs {
                 clip_from_box: self.frame.clip_from_world * tracked.world_from_box,
             })
         };
-        self.frames.iter().flat_map(of).collect()
+        self.frames.iter().flat_map(frame_boxes).collect()
     }
 
     /// The input views.

@@ -92,7 +92,7 @@ impl Need {
 ///
 /// # Errors
 /// Those of the selection and of [`Need::check`].
-pub fn check_memory(dir: &ClipDir, selection: &Selection, settings: MemorySettings) -> Result<()> {
+pub(crate) fn check_memory(dir: &ClipDir, selection: &Selection, settings: MemorySettings) -> Result<()> {
     let sizes = selection.sizes(dir.clip())?;
     let sweeps = selection.frames(dir.clip())?.input.into_iter();
     let files = sweeps.filter_map(|frame| dir.clip().frames.get(frame)).map(|f| dir.root().join(&f.lidar.file));

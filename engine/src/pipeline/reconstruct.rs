@@ -147,7 +147,7 @@ impl<'a> Begun<'a> {
             gaussians::merge_dense(&mut scene, inputs.views(), settings.coarseness);
         });
         let depth_maps = watch.stage(Stage::Background, 1, |_| {
-            background::add_background(&mut scene, inputs.views(), (&cloud, &movement), settings)
+            background::add_background(&mut scene, inputs.views(), &cloud, &movement, settings)
         });
         drop((cloud, movement));
         let initial = scene.num_lidar;
@@ -193,7 +193,7 @@ impl<'a> Begun<'a> {
 impl Reconstruction {
     /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
     /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub fn begin_adam(&mut self, schedule: ViewSchedule, reduce: usize, num_views: usize) -> Adam {
+    pub(crate) fn begin_adam(&mut self, schedule: ViewSchedule, reduce: usize, num_views: usize) -> Adam {
         let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
         let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start });
         let measured = self.measured.take();

@@ -70,7 +70,7 @@ impl Begun<'_> {
     /// before the first step of the latter and after each of them, and of the times until then; what it takes counts for nothing.
     ///
     /// # Errors
-    /// Those of [`Begun::finish`]; more Gaussians than there is memory to optimise or to draw them.
+    /// Those of `Begun::finish`; more Gaussians than there is memory to optimise or to draw them.
     pub fn run(
         self,
         run: &Run<'_>,

@@ -76,7 +76,7 @@ impl StageTimes {
     }
 
     /// Counts the parts of a refinement, beside those of one before it.
-    pub fn add_refine(&mut self, seconds: RefineSeconds) {
+    pub(crate) fn add_refine(&mut self, seconds: RefineSeconds) {
         let before = self.refine.unwrap_or_default();
         self.refine = Some(RefineSeconds {
             render: before.render + seconds.render,

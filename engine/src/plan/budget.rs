@@ -178,17 +178,17 @@ mod tests {
         let mut record = record();
         let adam = Recipe { refine_steps: 1, adam_steps: 10, ..Recipe::default() };
         record.recipes.push(MeasuredRecipe { recipe: adam, psnr: vec![28.0, 28.0], seconds: vec![2.4, 24.0] });
-        let of = |seconds| choose(&record, &budget(seconds)).unwrap();
+        let choice = |seconds| choose(&record, &budget(seconds)).unwrap();
         // 0.3 s for the first step, 0.2 s for each of the others.
-        let chosen = of(1.31);
+        let chosen = choice(1.31);
         assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 5, 10));
         assert!((chosen.expected_s - 1.3).abs() < 0.01 && (chosen.gives_up_db - 3.0).abs() < 0.01, "{chosen:?}");
-        assert!((chosen.adam_step_s - 0.2).abs() < 0.01 && of(0.55).adam_step_s > 0.19, "{chosen:?}");
+        assert!((chosen.adam_step_s - 0.2).abs() < 0.01 && choice(0.55).adam_step_s > 0.19, "{chosen:?}");
         // What was recorded is better where it fits, and nothing lies beyond the last.
-        assert_eq!((of(1.0).recipe.refine_steps, of(1.0).most_adam_steps), (3, 0));
-        assert_eq!((of(9.0).recipe.adam_steps, of(9.0).most_adam_steps), (10, 10));
-        assert_eq!((of(0.45).recipe.adam_steps, of(0.55).recipe.adam_steps), (0, 1));
-        assert_eq!((of(0.01).fits, of(0.01).most_adam_steps), (false, 0));
+        assert_eq!((choice(1.0).recipe.refine_steps, choice(1.0).most_adam_steps), (3, 0));
+        assert_eq!((choice(9.0).recipe.adam_steps, choice(9.0).most_adam_steps), (10, 10));
+        assert_eq!((choice(0.45).recipe.adam_steps, choice(0.55).recipe.adam_steps), (0, 1));
+        assert_eq!((choice(0.01).fits, choice(0.01).most_adam_steps), (false, 0));
     }
 
     #[test]

@@ -61,10 +61,15 @@ mod tests {
 
     #[test]
     fn a_line_is_found_and_never_falls() {
-        let of = |points, pixels| (work(points, pixels), 0.1 + 2e-6 * points as f64 + 3e-7 * pixels as f64);
-        let samples = [of(10_000, 1_000_000), of(50_000, 2_000_000), of(300_000, 1_500_000), of(90_000, 9_000_000)];
+        let sample = |points, pixels| (work(points, pixels), 0.1 + 2e-6 * points as f64 + 3e-7 * pixels as f64);
+        let samples = [
+            sample(10_000, 1_000_000),
+            sample(50_000, 2_000_000),
+            sample(300_000, 1_500_000),
+            sample(90_000, 9_000_000),
+        ];
         let there = work(120_000, 4_000_000);
-        assert!((seconds(&samples, &there) - of(120_000, 4_000_000).1).abs() < 1e-6);
+        assert!((seconds(&samples, &there) - sample(120_000, 4_000_000).1).abs() < 1e-6);
         // Less time for more points is chance: no term is negative.
         let odd = [(work(10, 10), 2.0), (work(1000, 10), 1.0), (work(100, 10), 1.5)];
         let Line(found) = Line::through(&odd);

@@ -12,8 +12,10 @@ pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::{moved, sample, samples_at, samples_of};
 pub use spacing::{bounded, spacing};
-pub use stray::{Dropped, drop_strays};
-pub use turn::{Turn, tell_apart};
+pub use stray::Dropped;
+pub(crate) use stray::drop_strays;
+pub use turn::Turn;
+pub(crate) use turn::tell_apart;
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///
@@ -44,11 +46,11 @@ impl PointCloud {
     /// # Shapes
     /// `chosen` `[M]` indices of returns; result `[M]`.
     pub(crate) fn ranges(&self, chosen: &[u32]) -> Vec<f32> {
-        let of = |&i: &u32| {
+        let range = |&i: &u32| {
             let (position, origin) = (self.positions[i as usize], self.origins[i as usize]);
             (0..3).map(|k| (position[k] - origin[k]).powi(2)).sum::<f32>().sqrt()
         };
-        chosen.iter().map(of).collect()
+        chosen.iter().map(range).collect()
     }
 
     /// Whether there is no return at all.

@@ -50,7 +50,7 @@ impl Dropped {
 ///
 /// # Errors
 /// When a coordinate is not finite.
-pub fn drop_strays(cloud: &mut PointCloud) -> Result<Dropped> {
+pub(crate) fn drop_strays(cloud: &mut PointCloud) -> Result<Dropped> {
     let mut dropped = Dropped { missing: cloud.num_missing, ..Dropped::default() };
     let mut found: Vec<(u32, Stray)> = Vec::new();
     let mut start = 0;

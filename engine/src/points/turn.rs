@@ -83,7 +83,7 @@ struct Sweep {
 ///
 /// # Errors
 /// When a coordinate is not finite.
-pub fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<Option<Turn>> {
+pub(crate) fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<Option<Turn>> {
     let Some((turn_s, sweeps)) = turning(cloud, clip, frame) else { return Ok(None) };
     let still = disagreement(cloud, &sweeps)?;
     // One after the other: each is a cloud of its own.

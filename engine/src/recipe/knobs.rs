@@ -207,11 +207,12 @@ pub const KNOBS: [Knob; 13] = [
     },
     Knob {
         name: "line-search",
-        usual: "every",
+        usual: "auto",
         value: "WORD",
         help: "Learned steps after which every Gaussian's length of the step is searched for, which draws each input view once more \
-               [default: every]",
+               [default: auto]",
         words: &[
+            ("auto", "As the model's config asks (step_length): every, or off"),
             ("every", "Every one"),
             ("last", "The last alone: quicker, and worth it where adam:N follows"),
             ("off", "None: a step is as long as the network says"),

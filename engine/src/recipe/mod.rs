@@ -47,7 +47,7 @@ pub struct Recipe {
     /// How many times smaller in width and height the images are that a step looks at.
     pub refine_reduce: usize,
     /// Learned steps whose lengths are searched for.
-    #[serde(default, skip_serializing_if = "LineSearch::is_every")]
+    #[serde(default, skip_serializing_if = "LineSearch::is_auto")]
     pub line_search: LineSearch,
 }
 
@@ -67,7 +67,7 @@ impl Default for Recipe {
             adam_steps: 0,
             refine_views: None,
             refine_reduce: 1,
-            line_search: LineSearch::Every,
+            line_search: LineSearch::Auto,
         }
     }
 }
@@ -96,7 +96,7 @@ impl Recipe {
     }
 
     /// The views that a step looks at.
-    pub const fn view_schedule(&self, seed: u64) -> ViewSchedule {
+    pub(crate) const fn view_schedule(&self, seed: u64) -> ViewSchedule {
         ViewSchedule { views_per_step: self.refine_views, seed }
     }
 

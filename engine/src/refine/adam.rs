@@ -77,7 +77,7 @@ impl Adam {
     }
 
     /// Takes the next step by loss and gradient of the scene that are known already: those over the views that it would look at.
-    pub fn begin_with(&mut self, measured: Option<KnownObjective>) {
+    pub(crate) fn begin_with(&mut self, measured: Option<KnownObjective>) {
         self.measured = measured;
     }
 
@@ -120,7 +120,7 @@ impl Adam {
     }
 
     /// What was done.
-    pub fn into_summary(self) -> AdamSummary {
+    pub(crate) fn into_summary(self) -> AdamSummary {
         self.summary
     }
 }

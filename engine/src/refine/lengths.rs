@@ -50,7 +50,7 @@ pub fn step_lengths(before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -
 /// `[H, W]` of a view: the product of what is wanted and what the step does, and the square of the latter; 0 where the pixel is ignored.
 fn agreement(before: &[f32], after: &[f32], view: &View) -> [Vec<f32>; 2] {
     let truth = &view.image.data;
-    let of = |(pixel, counts): (usize, f32)| {
+    let pixel_sums = |(pixel, counts): (usize, f32)| {
         let mut sums = (0.0, 0.0);
         for k in 3 * pixel..3 * pixel + 3 {
             let change = after[k] - before[k];
@@ -59,7 +59,7 @@ fn agreement(before: &[f32], after: &[f32], view: &View) -> [Vec<f32>; 2] {
         }
         sums
     };
-    let (agree, change) = counted_pixels(view).into_par_iter().enumerate().map(of).unzip();
+    let (agree, change) = counted_pixels(view).into_par_iter().enumerate().map(pixel_sums).unzip();
     [agree, change]
 }
 
@@ -136,12 +136,12 @@ mod tests {
     #[test]
     fn lengths_are_bounded_and_finite() {
         let (before, same) = (scene(0.2, 0.2), scene(0.2, 0.2));
-        let of = |truth: &GaussianSet, after: &GaussianSet| {
+        let lengths = |truth: &GaussianSet, after: &GaussianSet| {
             let view = view(truth);
             step_lengths(&[drawn(&before, &view.pinhole)], after, &[&view])
         };
-        assert_eq!(of(&scene(0.9, 0.9), &same), [1.0; 3], "nothing changed");
-        assert_eq!(of(&scene(0.9, 0.05), &scene(0.21, 0.21))[..2], [2.0, 0.5]);
+        assert_eq!(lengths(&scene(0.9, 0.9), &same), [1.0; 3], "nothing changed");
+        assert_eq!(lengths(&scene(0.9, 0.05), &scene(0.21, 0.21))[..2], [2.0, 0.5]);
         let mut view = view(&before);
         view.image.data.fill(f32::NAN);
         assert_eq!(step_lengths(&[drawn(&before, &view.pinhole)], &scene(0.4, 0.4), &[&view]), [1.0; 3]);

@@ -3,14 +3,16 @@
 use std::time::Instant;
 
 use super::ViewSchedule;
-use crate::objective::Objective;
+use crate::{network::config::StepLength, objective::Objective};
 
-/// After which learned steps every Gaussian's length of the step is searched for, where the model's config asks for that.
+/// After which learned steps every Gaussian's length of the step is searched for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineSearch {
-    /// Every one.
+    /// As the model's config asks: every one, or none.
     #[default]
+    Auto,
+    /// Every one.
     Every,
     /// The last alone: what follows mends most of what the others would have gained.
     Last,
@@ -20,13 +22,14 @@ pub enum LineSearch {
 
 impl LineSearch {
     /// Whether it is as usual.
-    pub fn is_every(&self) -> bool {
-        *self == Self::Every
+    pub(crate) fn is_auto(&self) -> bool {
+        *self == Self::Auto
     }
 
-    /// Whether a step is searched along that is the last one or is not.
-    pub const fn takes(self, is_last: bool) -> bool {
+    /// Whether lengths are searched for after a step, the last one or another, of a model whose config has these.
+    pub const fn takes(self, lengths: StepLength, is_last: bool) -> bool {
         match self {
+            Self::Auto => matches!(lengths, StepLength::Local),
             Self::Every => true,
             Self::Last => is_last,
             Self::Off => false,
@@ -59,7 +62,7 @@ impl From<usize> for RefineSettings {
             schedule: ViewSchedule::default(),
             reduce: 1,
             until: None,
-            line_search: LineSearch::Every,
+            line_search: LineSearch::Auto,
             optimised_after: false,
         }
     }
@@ -108,7 +111,7 @@ pub struct RefineSummary {
 
 impl RefineSummary {
     /// Seconds of drawing the views for a step, its loss and gradient, the mean; `None` where nothing was drawn.
-    pub fn drawing_s(&self) -> Option<f64> {
+    pub(crate) fn drawing_s(&self) -> Option<f64> {
         (!self.losses.is_empty()).then(|| (self.seconds.render + self.seconds.loss) / self.losses.len() as f64)
     }
 }

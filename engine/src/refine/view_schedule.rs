@@ -19,12 +19,12 @@ pub struct ViewSchedule {
 impl ViewSchedule {
     /// The views of a step, in their order: all, or as many as a step looks at, in turns each of which has every view once in an order of
     /// its own.
-    pub fn of_step<'a>(&self, step: usize, views: &[&'a View]) -> Vec<&'a View> {
+    pub(crate) fn of_step<'a>(&self, step: usize, views: &[&'a View]) -> Vec<&'a View> {
         self.indices(step, views.len()).into_iter().map(|k| views[k]).collect()
     }
 
     /// Whether every step looks at all of so many views.
-    pub fn take_all(&self, num_views: usize) -> bool {
+    pub(crate) fn take_all(&self, num_views: usize) -> bool {
         self.views_per_step.is_none_or(|count| count.get() >= num_views)
     }
 

@@ -14,4 +14,4 @@ pub use metrics::{
     role_name,
 };
 pub use moving::{MOVING_SPEED, MovingShares, percent};
-pub use pictures::{DEPTH_SCALE_M, ERROR_FULL_SCALE, Picture, PictureKind, ScoreKind};
+pub use pictures::{Picture, PictureKind, ScoreKind};

@@ -8,9 +8,9 @@ use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
 use crate::{render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.
-pub const ERROR_FULL_SCALE: f32 = 0.5;
+pub(super) const ERROR_FULL_SCALE: f32 = 0.5;
 /// Depths (metres) at the near, bright and the far, dark end of the depth picture's logarithmic scale.
-pub const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
+pub(super) const DEPTH_SCALE_M: [f32; 2] = [2.0, 200.0];
 /// Grey of pixels that take no part in the figures.
 const IGNORED: [u8; 3] = [70, 70, 70];
 const JPEG_QUALITY: u8 = 88;
@@ -90,7 +90,7 @@ impl Picture {
         Self::new(PictureKind::Truth, *width, *height, |i| std::array::from_fn(|k| to_byte(data[3 * i + k])))
     }
 
-    /// The mean absolute difference of the colour channels, black for none to pale yellow for [`ERROR_FULL_SCALE`] and
+    /// The mean absolute difference of the colour channels, black for none to pale yellow for `ERROR_FULL_SCALE` and
     /// more; grey where the view's labels ignore the pixel.
     pub fn of_error(rendered: &Rendered, view: &View) -> Self {
         let ignored = |i: usize| view.labels.as_ref().is_some_and(|labels| labels[i] == PixelLabel::Ignored);
@@ -105,7 +105,7 @@ impl Picture {
         })
     }
 
-    /// The expected depth, bright for near to dark for far on the scale of [`DEPTH_SCALE_M`]; black where nothing was
+    /// The expected depth, bright for near to dark for far on the scale of `DEPTH_SCALE_M`; black where nothing was
     /// drawn.
     pub fn of_depth(rendered: &Rendered) -> Self {
         let depth = rendered.expected_depth();
@@ -201,8 +201,8 @@ mod tests {
     fn scores_are_means_of_what_is_seen_and_grey_lies_where_there_are_none() {
         let mut scores = rendered();
         scores.rgb = vec![0.0, 0.0, 0.0, 0.1, 0.4, 0.5];
-        let of = |kind| Picture::of_score(kind, &rendered(), &scores);
-        let (prune, add) = (of(ScoreKind::Prune), of(ScoreKind::Add));
+        let picture = |kind| Picture::of_score(kind, &rendered(), &scores);
+        let (prune, add) = (picture(ScoreKind::Prune), picture(ScoreKind::Add));
         assert_eq!((prune.kind, add.kind), (PictureKind::Prune, PictureKind::Add));
         assert_eq!(prune.pixels.get_pixel(0, 0).0, [0; 3]);
         let over_grey = |value: f32| {

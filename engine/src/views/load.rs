@@ -11,7 +11,7 @@ use crate::error::{EngineError, Result};
 ///
 /// # Errors
 /// Those of [`Selection::frames`], a camera that the clip does not have, and whatever is wrong with a file.
-pub fn load_views(
+pub(crate) fn load_views(
     dir: &ClipDir,
     selection: &Selection,
     role: Role,

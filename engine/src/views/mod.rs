@@ -16,13 +16,13 @@ mod stray;
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
 pub use clip_frame::ClipFrame;
-pub use load::load_views;
+pub(crate) use load::load_views;
 pub use path::{between, keys_of_camera, path_views};
 pub use pinhole::{NEAR, PinholeView, Projected};
 pub use response::Response;
 pub(crate) use response::off_axis;
 pub use selection::{SelectedFrames, Selection};
-pub use shrink::at_factor;
+pub(crate) use shrink::at_factor;
 pub use shutter::Shutter;
 pub(crate) use stray::{Stray, strays};
 

@@ -62,7 +62,7 @@ impl PinholeView {
     }
 
     /// As [`PinholeView::project`], of a point that is there at the view's time and moves with a velocity, metres a second.
-    pub fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
+    pub(crate) fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
         let Some(shutter) = &self.shutter else { return self.project_now(point) };
         let taking = self.taking(shutter, point, velocity);
         let seconds = taking.time - self.time;
@@ -80,7 +80,7 @@ impl PinholeView {
     }
 
     /// The point of the clip frame at `depth` behind image position (`u`, `v`), metres, at the moment at which that is exposed.
-    pub fn unproject(&self, at: Projected) -> [f32; 3] {
+    pub(crate) fn unproject(&self, at: Projected) -> [f32; 3] {
         let ray = [(at.u - self.cx) / self.fx, (at.v - self.cy) / self.fy, 1.0];
         let m = &self.exposing([at.u, at.v]).camera_from_clip;
         let in_camera: [f32; 3] = std::array::from_fn(|r| ray[r] * at.depth - m[r][3]);

@@ -44,7 +44,7 @@ impl Response {
     pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2], grey: false };
 
     /// Shows common colours as brightness.
-    pub const GREY: Self = Self { grey: true, ..Self::IDENTITY };
+    pub(crate) const GREY: Self = Self { grey: true, ..Self::IDENTITY };
 
     /// The common colours of an image, in its place. What the camera clips is as bright as a scene can be.
     ///

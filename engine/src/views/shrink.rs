@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{DepthSample, PinholeView, View};
 
 /// `views`, each `factor` times smaller in width and height; nothing is copied for a factor of 1.
-pub fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {
+pub(crate) fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {
     match factor {
         0 | 1 => views.iter().map(|&view| Cow::Borrowed(view)).collect(),
         _ => views.par_iter().map(|view| Cow::Owned(view.reduced(factor))).collect(),
@@ -45,7 +45,7 @@ impl PinholeView {
 impl View {
     /// This view, `factor` times smaller in width and height: mean colours; a pixel is ignored where any part of it is, and dynamic where
     /// more than half of it is; the nearest return of each pixel.
-    pub fn reduced(&self, factor: usize) -> Self {
+    pub(crate) fn reduced(&self, factor: usize) -> Self {
         if factor <= 1 {
             return self.clone();
         }

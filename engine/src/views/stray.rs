@@ -8,7 +8,7 @@ use crate::{
     ops::knn::{Near, nearest_in_space},
 };
 
-/// Nothing but what carries the sensor is nearer, metres: automotive `LiDAR`s measure from 0.3 to 1 m on, and give the origin for no return.
+/// What is nearer carries the sensor, metres: automotive `LiDAR`s measure from 0.3 to 1 m on, and give the origin for no return.
 const NEAREST: f32 = 0.5;
 /// No automotive `LiDAR` reaches so far, metres: twice the range of those made for motorways.
 const REACH: f32 = 1000.0;

@@ -21,7 +21,7 @@ const DECODER_BYTES: u64 = 64 << 20;
 /// The marker that ends a JPEG image.
 const JPEG_END: [u8; 2] = [0xff, 0xd9];
 
-/// Nothing, when the header of the file says the declared size.
+/// Checks that the header of a PNG or JPEG file says the declared size.
 pub(super) fn check_size(path: &Path, camera: &Camera) -> Result<()> {
     compare_size(path, dimensions(path)?, camera)
 }

@@ -33,7 +33,7 @@ pub struct DepthMap {
     pub inverse: Vec<f32>,
 }
 
-/// Nothing, when the header of the depth map `path` says the size that `camera` declares.
+/// Checks that the header of the depth map `path` says the size that `camera` declares.
 ///
 /// # Errors
 /// A file that is neither PNG nor array of floating-point numbers, one of another size, an array with more or fewer values than its header says.
@@ -150,7 +150,7 @@ fn read(path: &Path, camera: &Camera, kind: DepthKind) -> Result<Vec<f32>> {
     values.enumerate().map(of_value).collect()
 }
 
-/// Nothing: writes `[H, W]` values as a 16-bit grey PNG.
+/// Writes `[H, W]` values as a 16-bit grey PNG.
 ///
 /// # Errors
 /// Values whose number is not that of the size, and a path that cannot be written to.
@@ -160,7 +160,7 @@ pub fn write_depth_png(path: &Path, width: usize, height: usize, values: &[u16])
     write_atomic(path, &encode(path, width, height, &bytes, ExtendedColorType::L16)?)
 }
 
-/// Nothing: writes `[H, W]` depths (metres, infinity for sky) as an array of numpy.
+/// Writes `[H, W]` depths (metres, infinity for sky) as an array of numpy.
 ///
 /// # Errors
 /// Depths whose number is not that of the size, and a path that cannot be written to.

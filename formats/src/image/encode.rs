@@ -10,7 +10,7 @@ use crate::{
     write::write_atomic,
 };
 
-/// Nothing: writes an 8-bit RGB PNG; values are clamped to 0..=1 and rounded, NaN becomes 0.
+/// Writes an 8-bit RGB PNG; values are clamped to 0..=1 and rounded, NaN becomes 0.
 ///
 /// # Errors
 /// Data whose length is not that of the size, and a path that cannot be written to.
@@ -27,7 +27,7 @@ pub fn encode_png(path: &Path, image: &RgbImage) -> Result<Vec<u8>> {
     encode(path, image.width, image.height, &bytes, ExtendedColorType::Rgb8)
 }
 
-/// Nothing: writes `[H, W]` values in 0..=1 as an 8-bit grey PNG, rounded as [`write_png`] does.
+/// Writes `[H, W]` values in 0..=1 as an 8-bit grey PNG, rounded as [`write_png`] does.
 ///
 /// # Errors
 /// Data whose length is not that of the size, and a path that cannot be written to.
@@ -36,7 +36,7 @@ pub fn write_grey(path: &Path, width: usize, height: usize, values: &[f32]) -> R
     write_atomic(path, &encode(path, width, height, &bytes, ExtendedColorType::L8)?)
 }
 
-/// Nothing: writes `[H, W]` labels as a mask file.
+/// Writes `[H, W]` labels as a mask file.
 ///
 /// # Errors
 /// Labels whose number is not that of the size, and a path that cannot be written to.

@@ -111,7 +111,7 @@ impl fmt::Display for ImageSize {
     }
 }
 
-/// Nothing, when the header of the image or mask file `path` says the size that `camera` declares.
+/// Checks that the header of the image or mask file `path` says the size that `camera` declares.
 ///
 /// # Errors
 /// A file that is no PNG or JPEG image, or of another size.
@@ -127,7 +127,7 @@ pub(crate) fn dimensions(path: &Path) -> Result<[u32; 2]> {
     decode::dimensions(path).map(|(width, height)| [width, height])
 }
 
-/// Nothing, when the image of a record, whose file holds `bytes`, can be decoded whole.
+/// Checks that the image of a record, whose file holds `bytes`, can be decoded whole.
 ///
 /// # Errors
 /// An image that is damaged or of another size than declared.
@@ -135,7 +135,7 @@ pub(crate) fn check_whole(root: &Path, record: &CameraRecord, bytes: &[u8]) -> R
     decode::rgb8(&root.join(&record.file), bytes, &record.camera).map(drop)
 }
 
-/// Nothing, when the file `path` is a whole mask of the size that `camera` declares.
+/// Checks that the file `path` is a whole mask of the size that `camera` declares.
 ///
 /// # Errors
 /// A mask that is missing, damaged, of another size, or not an 8-bit grey PNG.

@@ -32,7 +32,7 @@ pub struct DepthFolder {
 }
 
 impl Additions {
-    /// Nothing: copies what there is for the images of `clip`, whose other files lie in `place`, to there and names it in their records.
+    /// Copies what there is for the images of `clip` to `place`, where its other files lie, and names it in their records.
     ///
     /// # Errors
     /// A folder without a file for any image; a mask or depth map that is damaged or of another size than its image.

@@ -125,11 +125,11 @@ fn clip_of(
 fn stand_ins(frames: &[Result<Frame>], needed: &Needed) -> Vec<Option<Frame>> {
     let good: Vec<(usize, &Frame)> =
         frames.iter().enumerate().filter_map(|(i, f)| Some((i, f.as_ref().ok()?))).collect();
-    let of = |index: usize| {
+    let nearest_frame = |index: usize| {
         let (_, frame) = good.iter().min_by_key(|(other, _)| other.abs_diff(index))?;
         Some(Frame { lidar: frame.lidar.clone(), cameras: Vec::new(), boxes: None })
     };
-    (0..frames.len()).map(|index| if needed.frame(index) { None } else { of(index) }).collect()
+    (0..frames.len()).map(|index| if needed.frame(index) { None } else { nearest_frame(index) }).collect()
 }
 
 fn take_frames(path: &Path, frames: Vec<Result<Frame>>, wanted: &[usize]) -> Result<Vec<Frame>> {

@@ -44,8 +44,8 @@ pub(super) struct ParquetFile {
 /// The pages of a chunk, as far as somebody has looked.
 #[derive(Clone, Debug, Default)]
 struct Pages {
-    dictionary: Option<Found>,
-    data: Vec<Found>,
+    dictionary: Option<LocatedPage>,
+    data: Vec<LocatedPage>,
     /// Where the next one is looked for, from the chunk's start.
     next: u64,
     /// Rows that begin in the pages that are known, and their values.
@@ -55,7 +55,7 @@ struct Pages {
 
 /// A page and where it is.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct LocatedPage {
     header: Header,
     /// Where its body begins in the file.
     body: u64,
@@ -69,7 +69,7 @@ struct Found {
 struct Place<'a> {
     group: usize,
     leaf: usize,
-    of: &'a Leaf,
+    column: &'a Leaf,
     chunk: &'a Chunk,
 }
 
@@ -173,7 +173,7 @@ impl ParquetFile {
         Ok(values)
     }
 
-    /// Nothing, when `act` has seen all values of some rows of the column `name`, each with its row.
+    /// Calls `act` with each value of some rows of the column `name`, and its row.
     ///
     /// # Errors
     /// No such column, pages that are damaged; what `act` expected instead.
@@ -189,8 +189,8 @@ impl ParquetFile {
             let at = At { field: "columns", ..at };
             return Err(at.error(format!("a column `{name}`"), format!("`{}`", names.join("`, `"))));
         };
-        let of = &self.footer.leaves[leaf];
-        if of.max_rep > 1 {
+        let column = &self.footer.leaves[leaf];
+        if column.max_rep > 1 {
             return Err(at.error("values or lists of values", "lists of lists"));
         }
         let mut first = 0_u64;
@@ -198,10 +198,10 @@ impl ParquetFile {
             let end = first.saturating_add(group.num_rows);
             let wanted = rows.start.max(first)..rows.end.min(end);
             if !wanted.is_empty() {
-                let place = Place { group: g, leaf, of, chunk: &group.chunks[leaf] };
+                let place = Place { group: g, leaf, column, chunk: &group.chunks[leaf] };
                 let own = wanted.start - first..wanted.end - first;
                 self.visit_chunk(at, place, own, |row, value| {
-                    act(first + row, value).map_err(|kind| at.error(kind, format!("{:?}", of.physical)))
+                    act(first + row, value).map_err(|kind| at.error(kind, format!("{:?}", column.physical)))
                 })?;
             }
             first = end;
@@ -228,7 +228,7 @@ impl ParquetFile {
                 break;
             }
             let page = self.load(at, place, &mut file, &found)?;
-            let mut cells = page.cells(at, place.of, dictionary.as_ref())?;
+            let mut cells = page.cells(at, place.column, dictionary.as_ref())?;
             let mut starts = found.first_row;
             while let Some(Cell { starts: is_start, value }) = cells.next()? {
                 if is_start {
@@ -254,7 +254,7 @@ impl ParquetFile {
         file: &mut File,
         index: Option<usize>,
         row: u64,
-    ) -> Result<Option<(usize, Found)>> {
+    ) -> Result<Option<(usize, LocatedPage)>> {
         let mut known = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let pages = &mut known[place.group][place.leaf];
         loop {
@@ -269,7 +269,7 @@ impl ParquetFile {
         }
     }
 
-    fn dictionary(&self, place: Place<'_>) -> Option<Found> {
+    fn dictionary(&self, place: Place<'_>) -> Option<LocatedPage> {
         let known = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         known[place.group][place.leaf].dictionary
     }
@@ -296,13 +296,13 @@ impl ParquetFile {
         if pages.num_values > most {
             return Err(at.error(format!("at most {most} values"), "more"));
         }
-        let mut found = Found { header, body: start + length, first_row: pages.num_rows, num_rows: 0 };
+        let mut found = LocatedPage { header, body: start + length, first_row: pages.num_rows, num_rows: 0 };
         match header.kind {
             Kind::Data | Kind::DataV2 => {
-                let of = place.of;
-                found.num_rows = match of.max_rep {
+                let column = place.column;
+                found.num_rows = match column.max_rep {
                     0 => header.num_values,
-                    _ => self.load(at, place, file, &found)?.num_starts(of),
+                    _ => self.load(at, place, file, &found)?.num_starts(column),
                 };
                 pages.num_rows += found.num_rows;
                 pages.data.push(found);
@@ -315,12 +315,12 @@ impl ParquetFile {
     }
 
     /// The page whose place is known.
-    fn load(&self, at: At<'_>, place: Place<'_>, file: &mut File, found: &Found) -> Result<Page> {
+    fn load(&self, at: At<'_>, place: Place<'_>, file: &mut File, found: &LocatedPage) -> Result<Page> {
         let io = |e| FormatError::io(&self.path, "read", e);
         file.seek(SeekFrom::Start(found.body)).map_err(io)?;
         let mut body = vec![0; usize::try_from(found.header.packed).unwrap_or(0)];
         file.read_exact(&mut body).map_err(io)?;
-        Page::new(at, place.of, &found.header, place.chunk.codec, body)
+        Page::new(at, place.column, &found.header, place.chunk.codec, body)
     }
 }
 

@@ -56,7 +56,7 @@ pub(super) fn resembles(path: &Path) -> bool {
 }
 
 /// A drive in a folder.
-struct Found {
+struct DriveFile {
     root: PathBuf,
     /// Name of its file without the ending, or of those of all components.
     name: String,
@@ -64,12 +64,13 @@ struct Found {
 }
 
 /// The drives of a folder, of the first form if it has any.
-fn drives(folder: &Path) -> Result<Vec<Found>> {
-    let found = |place: &Path, ending: &str| -> Result<Vec<Found>> {
+fn drives(folder: &Path) -> Result<Vec<DriveFile>> {
+    let found = |place: &Path, ending: &str| -> Result<Vec<DriveFile>> {
         let is_record = ending == RECORDS;
         let names = entries(place, &[ending])?;
-        let drive =
-            |name: &String| Some(Found { root: folder.to_owned(), name: stem(name, ending)?.to_owned(), is_record });
+        let drive = |name: &String| {
+            Some(DriveFile { root: folder.to_owned(), name: stem(name, ending)?.to_owned(), is_record })
+        };
         Ok(names.iter().filter_map(drive).collect())
     };
     let records = found(folder, RECORDS)?;
@@ -78,7 +79,7 @@ fn drives(folder: &Path) -> Result<Vec<Found>> {
 }
 
 /// The drive of a name, or the only one.
-fn choose(path: &Path, name: Option<&str>) -> Result<Found> {
+fn choose(path: &Path, name: Option<&str>) -> Result<DriveFile> {
     let mut drives = drives(path)?;
     let known: Vec<String> = drives.iter().take(MAX_NAMES).map(|drive| drive.name.clone()).collect();
     let count = drives.len();

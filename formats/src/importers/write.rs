@@ -19,8 +19,8 @@ use crate::{
     write::write_atomic,
 };
 
-/// Nothing: afterwards `out` is a clip directory with the sweeps of `source` decoded and its images as they are, or, on an
-/// error, what it was before: missing or empty.
+/// Writes the clip directory `out`: the sweeps of `source` decoded, its images as they are. On an error `out` is what it was
+/// before: missing or empty.
 ///
 /// # Errors
 /// An `out` that holds something already or cannot be written to; sweeps and images that are damaged.

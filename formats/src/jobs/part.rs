@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn tasks_that_are_submitted_again_keep_their_shares() {
         let place = tempfile::tempdir().unwrap();
-        let of = |[id, min, count, step]: [&str; 4]| {
+        let share = |[id, min, count, step]: [&str; 4]| {
             let find = |name: &str| match name.strip_prefix("SLURM_ARRAY_TASK_")? {
                 "ID" => Some(id.to_owned()),
                 "MIN" => Some(min.to_owned()),
@@ -113,7 +113,7 @@ mod tests {
             };
             choose_part(place.path(), None, &find)
         };
-        let (part, shares) = of(["1", "1", "3", "1"]).unwrap().unwrap();
+        let (part, shares) = share(["1", "1", "3", "1"]).unwrap().unwrap();
         shares.write(place.path()).unwrap();
         assert_eq!(part, Part { index: 1, count: 3 });
         // One that failed; two that failed, beside each other and apart.
@@ -122,12 +122,12 @@ mod tests {
         {
             let index = id.parse().unwrap();
             assert_eq!(
-                of([id, min, count, step]).unwrap().map(|(part, _)| part),
+                share([id, min, count, step]).unwrap().map(|(part, _)| part),
                 Some(Part { index, count: 3 }),
                 "{id} {min}"
             );
         }
-        let message = of(["4", "1", "5", "1"]).unwrap_err().to_string();
+        let message = share(["4", "1", "5", "1"]).unwrap_err().to_string();
         assert!(message.contains("3 shares, tasks 1 to 3") && message.contains("shares.json"), "{message}");
         let flag = |index, count| choose_part(place.path(), Some(Part { index, count }), &|_| None);
         assert!(flag(2, 3).is_ok() && flag(2, 4).is_err());

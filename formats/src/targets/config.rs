@@ -67,3 +67,24 @@ pub struct TargetsConfig {
     /// SHA-256 of the weights file, `random:` and that of the config file, or `None` for the initial set.
     pub weights: Option<String>,
 }
+
+impl Default for TargetsConfig {
+    /// What `lgs-targetgen` takes where nobody says otherwise: the paper's signal, of the initial set.
+    fn default() -> Self {
+        Self {
+            signal: Signal::Response,
+            normalise: Normalise::Branch,
+            rounds: 3,
+            rho: 0.2,
+            neighbours: 8,
+            noise_m: 0.01,
+            log_scale: 1.0,
+            zscore: ZScore::Joint,
+            with_features: false,
+            cameras: None,
+            image_size: None,
+            seed: 0,
+            weights: None,
+        }
+    }
+}

@@ -5,21 +5,7 @@ use std::path::Path;
 use super::*;
 
 fn config() -> TargetsConfig {
-    TargetsConfig {
-        signal: Signal::Response,
-        normalise: Normalise::Branch,
-        rounds: 3,
-        rho: 0.2,
-        neighbours: 8,
-        noise_m: 0.01,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: true,
-        cameras: None,
-        image_size: Some([10, 20]),
-        seed: 7,
-        weights: None,
-    }
+    TargetsConfig { with_features: true, image_size: Some([10, 20]), seed: 7, ..TargetsConfig::default() }
 }
 
 fn clip(primitives: usize, features: Option<usize>) -> ClipTargets {

@@ -32,13 +32,13 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
     add(format!("{STEPS} learned steps - none"), &|r| Some(refined(r)? - learned(0)(r)?));
     add(format!("{STEPS} learned steps - initial Gaussians"), &|r| Some(refined(r)? - r.start.psnr?));
     for steps in adam_steps(records) {
-        let of = |r: &ClipRecord| ClipRecord::at(&r.adam, steps)?.figures.psnr;
-        add(format!("{STEPS} learned steps - {steps} Adam"), &|r| Some(refined(r)? - of(r)?));
+        let adam = |r: &ClipRecord| ClipRecord::at(&r.adam, steps)?.figures.psnr;
+        add(format!("{STEPS} learned steps - {steps} Adam"), &|r| Some(refined(r)? - adam(r)?));
     }
     for steps in adam_steps(records) {
-        let of = |r: &ClipRecord| ClipRecord::at(&r.adam_from_start, steps)?.figures.psnr;
+        let adam = |r: &ClipRecord| ClipRecord::at(&r.adam_from_start, steps)?.figures.psnr;
         add(format!("{STEPS} learned steps - {steps} Adam from the initial Gaussians"), &|r| {
-            Some(refined(r)? - of(r)?)
+            Some(refined(r)? - adam(r)?)
         });
     }
     let main = variant(names::MAIN);
@@ -51,15 +51,15 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
         add(what.to_owned(), &|r| Some(main(r)? - variant(other)(r)?));
     }
     let Some(settings) = records.first().map(|record| &record.key.settings) else { return all };
-    let of = |name: String| move |r: &ClipRecord| r.variant(&name)?.figures.psnr;
+    let psnr_of = |name: String| move |r: &ClipRecord| r.variant(&name)?.figures.psnr;
     let without = variant(names::POLICY_OFF);
     for &limit in &settings.limits {
-        let (ranked, by_chance) = (of(names::limited(limit)), of(names::limited_by_chance(limit)));
+        let (ranked, by_chance) = (psnr_of(names::limited(limit)), psnr_of(names::limited_by_chance(limit)));
         add(format!("{} - policy off", names::limited(limit)), &|r| Some(ranked(r)? - without(r)?));
         add(format!("at most {limit}, by rank - by chance"), &|r| Some(ranked(r)? - by_chance(r)?));
     }
     for &theta in &settings.thresholds {
-        let (ranked, fixed) = (of(names::as_many(theta)), of(names::threshold(theta)));
+        let (ranked, fixed) = (psnr_of(names::as_many(theta)), psnr_of(names::threshold(theta)));
         add(format!("{} - theta {theta}", names::as_many(theta)), &|r| Some(ranked(r)? - fixed(r)?));
     }
     all

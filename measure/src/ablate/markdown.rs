@@ -22,7 +22,7 @@ pub struct AblationRecords<'a> {
 }
 
 /// A row's figures of a record.
-type Row<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
+type MeansOf<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
 
 /// The page.
 pub fn markdown(found: AblationRecords<'_>) -> String {
@@ -63,15 +63,15 @@ impl<'a> AblationRecords<'a> {
         let _ = writeln!(text, "|---|---|---|---|---|---|---|{}", "---|".repeat(self.clips.len()));
     }
 
-    fn row(&self, text: &mut String, name: &str, of: Row<'a>) {
+    fn row(&self, text: &mut String, name: &str, means: MeansOf<'a>) {
         let figures: [fn(&Means) -> Option<f64>; 5] =
             [|m| m.psnr, |m| m.ssim, |m| m.psnr_dynamic, |m| m.psnr_static, |m| m.dmae];
-        let _ = write!(text, "| {name} | {} |", self.scenes.iter().filter(|r| of(r).is_some()).count());
+        let _ = write!(text, "| {name} | {} |", self.scenes.iter().filter(|r| means(r).is_some()).count());
         for (k, figure) in figures.into_iter().enumerate() {
-            let _ = write!(text, " {} |", mean(spread(self.scenes, of, figure), if k == 1 { 3 } else { 2 }));
+            let _ = write!(text, " {} |", mean(spread(self.scenes, means, figure), if k == 1 { 3 } else { 2 }));
         }
         for clip in self.clips {
-            let psnr = of(clip).and_then(|means| means.psnr);
+            let psnr = means(clip).and_then(|means| means.psnr);
             let _ = write!(text, " {} |", psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}")));
         }
         text.push('\n');
@@ -194,17 +194,17 @@ impl<'a> AblationRecords<'a> {
         );
         let own = self.clips.iter().map(|record| (record.clip.clone(), std::slice::from_ref(record)));
         for (name, records) in std::iter::once(("mean scene".to_owned(), self.scenes)).chain(own) {
-            let of = |seconds: &dyn Fn(&ClipRecord) -> Option<f64>| {
+            let mean_seconds = |seconds: &dyn Fn(&ClipRecord) -> Option<f64>| {
                 let all: Vec<f64> = records.iter().filter_map(seconds).collect();
                 Spread::of(&all).map_or("–".to_owned(), |s| format!("{:.2}", s.mean))
             };
             let _ = writeln!(
                 text,
                 "| {name} | {} | {} | {} | {} |",
-                of(&|r| Some(r.seconds[0])),
-                of(&|r| Some(r.seconds[1])),
-                of(&|r| Some(r.learned_at(STEPS)?.seconds)),
-                of(&|r| r.adam.last().filter(|p| p.steps > 0).map(|p| p.seconds / p.steps as f64)),
+                mean_seconds(&|r| Some(r.seconds[0])),
+                mean_seconds(&|r| Some(r.seconds[1])),
+                mean_seconds(&|r| Some(r.learned_at(STEPS)?.seconds)),
+                mean_seconds(&|r| r.adam.last().filter(|p| p.steps > 0).map(|p| p.seconds / p.steps as f64)),
             );
         }
         text.push('\n');

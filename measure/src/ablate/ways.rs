@@ -75,9 +75,9 @@ mod tests {
     fn without_a_policy_only_the_query_is_left_to_switch() {
         let main = Way { query: true, density: Density::Policy, thresholds: Thresholds::default(), limit: None };
         let limits = [Limit::Percent(60)];
-        let of = |without| ways(main, without, &limits).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
-        assert_eq!(of(true), [names::QUERY_OFF]);
-        assert_eq!(of(false).len(), 6);
-        assert_eq!(of(false)[4..], ["at most 60%, by rank", "at most 60%, by chance"]);
+        let names_of = |without| ways(main, without, &limits).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        assert_eq!(names_of(true), [names::QUERY_OFF]);
+        assert_eq!(names_of(false).len(), 6);
+        assert_eq!(names_of(false)[4..], ["at most 60%, by rank", "at most 60%, by chance"]);
     }
 }

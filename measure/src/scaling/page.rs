@@ -75,11 +75,15 @@ fn header(page: &Page<'_>) -> String {
 }
 
 fn named(row: &PartRow) -> String {
-    let of = |kind: &str, law: Option<PowerLaw>| {
+    let law_of = |kind: &str, law: Option<PowerLaw>| {
         law.filter(PowerLaw::is_steep)
             .map(|law| format!("{} of {} ({kind}, {})", row.part.key(), row.axis.name(), exponent(&law)))
     };
-    [of("time", row.time.law), of("memory", row.memory.law)].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [law_of("time", row.time.law), law_of("memory", row.memory.law)]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 fn law_table(rows: &[&PartRow]) -> String {
@@ -165,9 +169,9 @@ fn size_table(records: &[SizeRecord]) -> String {
 fn plots(rows: &[PartRow], cost: Cost) -> String {
     let mut all = String::new();
     for part in Part::ALL {
-        let of: Vec<&PartRow> = rows.iter().filter(|row| row.part == part).collect();
-        let alike = of.iter().all(|row| row.units == of[0].units);
-        let groups: Vec<&[&PartRow]> = if alike { vec![of.as_slice()] } else { of.chunks(1).collect() };
+        let of_part: Vec<&PartRow> = rows.iter().filter(|row| row.part == part).collect();
+        let alike = of_part.iter().all(|row| row.units == of_part[0].units);
+        let groups: Vec<&[&PartRow]> = if alike { vec![of_part.as_slice()] } else { of_part.chunks(1).collect() };
         all += &groups.into_iter().map(|group| svg(group, cost)).collect::<String>();
     }
     format!("<div class=\"plots\">\n{all}</div>\n")

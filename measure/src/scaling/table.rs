@@ -84,16 +84,16 @@ impl Growth {
 
 /// The rows of both axes, of parts that ran.
 pub fn rows(plan: &Plan, records: &[SizeRecord]) -> Vec<PartRow> {
-    let of = |axis: Axis| {
+    let axis_rows = |axis: Axis| {
         let along: Vec<&SizeRecord> =
             plan.along(axis).iter().filter_map(|size| records.iter().find(|record| &record.size == size)).collect();
-        Part::ALL.into_iter().map(move |part| row((axis, part), &along, records))
+        Part::ALL.into_iter().map(move |part| row(axis, part, &along, records))
     };
     let ran = |row: &PartRow| row.points.iter().any(|point| point.seconds.is_some() || point.memory_mb.is_some());
-    Axis::ALL.into_iter().flat_map(of).filter(ran).collect()
+    Axis::ALL.into_iter().flat_map(axis_rows).filter(ran).collect()
 }
 
-fn row((axis, part): (Axis, Part), along: &[&SizeRecord], records: &[SizeRecord]) -> PartRow {
+fn row(axis: Axis, part: Part, along: &[&SizeRecord], records: &[SizeRecord]) -> PartRow {
     let points: Vec<Point> = along.iter().map(|record| point(axis, part, record)).collect();
     let all: Vec<Point> = records.iter().map(|record| point(axis, part, record)).collect();
     let growth = |cost: Cost, floor: f64| {

@@ -79,8 +79,8 @@ pub const AXES: [Axis; 11] = [
         name: "line-search",
         knobs: &["line-search"],
         none: "",
-        usual: "every",
-        help: "Learned steps after which every Gaussian's length of the step is searched for, with weights that do so",
+        usual: "auto",
+        help: "Learned steps after which every Gaussian's length of the step is searched for",
     },
     Axis {
         name: "refine-views",
@@ -148,8 +148,8 @@ pub struct Parts {
     pub query: bool,
     /// Whether there is a policy.
     pub policy: bool,
-    /// Whether lengths of steps are searched for.
-    pub line_search: bool,
+    /// How lengths of steps are searched for where nobody says otherwise.
+    pub line_search: LineSearch,
 }
 
 /// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation. After
@@ -208,10 +208,10 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
         Density::Policy | Density::Random => model.policy,
     };
     let exact = recipe.density == Density::Exact;
-    let searches = match recipe.line_search {
+    let line_search = match recipe.line_search {
         // The only step is the last one.
-        LineSearch::Last => model.line_search && recipe.refine_steps > 1,
-        _ => model.line_search && recipe.refine_steps > 0,
+        LineSearch::Last if recipe.refine_steps == 1 => LineSearch::Every,
+        line_search => line_search,
     };
     Recipe {
         network: true,
@@ -220,7 +220,11 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
         density_scope: if exact { recipe.density_scope } else { Scope::All },
         thresholds: if acts && !exact { recipe.thresholds } else { Thresholds::default() },
         max_gaussians: recipe.max_gaussians.filter(|_| acts),
-        line_search: if searches { recipe.line_search } else { LineSearch::Every },
+        line_search: if recipe.refine_steps == 0 || line_search == model.line_search {
+            LineSearch::Auto
+        } else {
+            line_search
+        },
         ..recipe
     }
 }
@@ -230,12 +234,12 @@ fn marked(network: Option<usize>, base: &Setting, adam: &[usize]) -> Vec<Run> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();
     marks.dedup();
-    let of = |&adam_steps: &usize| {
+    let setting = |&adam_steps: &usize| {
         let recipe = Recipe { adam_steps, ..base.recipe };
         let whole = Recipe { refine_views: None, refine_reduce: 1, ..recipe };
         Setting { recipe: if recipe.refines() { recipe } else { whole }, ..base.clone() }
     };
-    let settings = marks.iter().map(of);
+    let settings = marks.iter().map(setting);
     let (none, some): (Vec<_>, Vec<_>) =
         settings.partition(|s| base.recipe.refine_steps > 0 && s.recipe.adam_steps == 0);
     [none, some].into_iter().filter(|all| !all.is_empty()).map(|settings| Run { network, settings }).collect()
@@ -249,11 +253,11 @@ mod tests {
 
     /// A grid of these values, an axis that is not named being as few as can be.
     fn axes(values: &[(&str, &str)]) -> Axes {
-        let of = |axis: &Axis| {
+        let axis_values = |axis: &Axis| {
             let given = values.iter().find(|(name, _)| *name == axis.name).map(|(_, values)| *values);
             given.unwrap_or_else(|| axis.usual.split(',').next().unwrap()).split(',').collect()
         };
-        Axes { recipes: combinations(of).unwrap(), adam: vec![30, 10, 10], then_adam: vec![0] }
+        Axes { recipes: combinations(axis_values).unwrap(), adam: vec![30, 10, 10], then_adam: vec![0] }
     }
 
     const ALL: [(&str, &str); 6] = [
@@ -270,7 +274,12 @@ mod tests {
     }
 
     fn model(query: bool, policy: bool) -> Parts {
-        Parts { weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() }, query, policy, line_search: true }
+        Parts {
+            weights: Weights { name: "w".to_owned(), sha256: "00".to_owned() },
+            query,
+            policy,
+            line_search: LineSearch::Every,
+        }
     }
 
     #[test]
@@ -312,7 +321,7 @@ mod tests {
         let few = [("refine-steps", "0,3"), ("refine-reduce", "1,2")];
         let axes = Axes { adam: Vec::new(), then_adam: vec![10, 0], ..axes(&few) };
         let all = runs(&axes, &[model(true, false)]);
-        let of = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
+        let numbers = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
             steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
         };
         let steps = |setting: &Setting| {
@@ -321,16 +330,16 @@ mod tests {
         };
         let found: Vec<Vec<[usize; 3]>> = all.iter().map(|run| run.settings.iter().map(steps).collect()).collect();
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
-        let unrefined_first = [of(1, &[[0, 0]]), of(1, &[[0, 10]])].concat();
-        let learned = |reduce| [of(reduce, &[[3, 0]]), of(reduce, &[[3, 10]])];
-        assert_eq!(found, [vec![unrefined_first, of(2, &[[0, 10]])], [learned(1), learned(2)].concat()].concat());
+        let unrefined_first = [numbers(1, &[[0, 0]]), numbers(1, &[[0, 10]])].concat();
+        let learned = |reduce| [numbers(reduce, &[[3, 0]]), numbers(reduce, &[[3, 10]])];
+        assert_eq!(found, [vec![unrefined_first, numbers(2, &[[0, 10]])], [learned(1), learned(2)].concat()].concat());
     }
 
     #[test]
     fn a_line_search_is_told_apart_where_there_are_steps_to_search_along() {
-        let few = [("refine-steps", "0,1,3"), ("line-search", "every,last,off")];
+        let few = [("refine-steps", "0,1,3"), ("line-search", "auto,every,last,off")];
         let axes = Axes { adam: Vec::new(), ..axes(&few) };
-        let of = |line_search| runs(&axes, &[Parts { line_search, ..model(true, false) }]).len();
-        assert_eq!((of(true), of(false)), (1 + 2 + 3, 3));
+        let num_runs = |line_search| runs(&axes, &[Parts { line_search, ..model(true, false) }]).len();
+        assert_eq!([num_runs(LineSearch::Every), num_runs(LineSearch::Off)], [1 + 2 + 3; 2]);
     }
 }

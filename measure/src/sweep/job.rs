@@ -179,7 +179,7 @@ impl SweepJob<'_> {
             let unknown = run.settings.iter().any(|setting| current.record.point(setting).is_none());
             if unknown {
                 match (self.evaluate)(current.index, index) {
-                    Ok(evaluation) => put_points(current, run, evaluation, (folders, &stem))?,
+                    Ok(evaluation) => put_points(current, run, evaluation, folders, &stem)?,
                     Err(error) => fail(&current.record.clip, run_name(run), &error, failed, observer),
                 }
                 current.record.write(&current.file)?;
@@ -277,7 +277,8 @@ fn put_points(
     current: &mut Current<'_>,
     run: &Run,
     evaluation: RunEvaluation,
-    (folders, stem): (&Folders, &str),
+    folders: &Folders,
+    stem: &str,
 ) -> Result<()> {
     for (setting, point) in run.settings.iter().zip(evaluation.points) {
         if current.record.point(setting).is_some() {

@@ -62,7 +62,8 @@ impl Setting {
         let plural = if recipe.refine_steps == 1 { "" } else { "s" };
         parts.extend(recipe.network.then(|| format!("{} step{plural}", recipe.refine_steps)));
         match recipe.line_search {
-            LineSearch::Every => {}
+            LineSearch::Auto => {}
+            LineSearch::Every => parts.push("line search in each".to_owned()),
             LineSearch::Last => parts.push("line search in the last".to_owned()),
             LineSearch::Off => parts.push("no line search".to_owned()),
         }

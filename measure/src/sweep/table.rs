@@ -76,7 +76,7 @@ pub fn rows(record: &ClipRecord, settings: &[Setting]) -> Vec<PointRow> {
 /// The means over clips of the rows that all of them have.
 pub fn mean_rows(tables: &[Vec<PointRow>]) -> Vec<PointRow> {
     let Some((first, others)) = tables.split_first() else { return Vec::new() };
-    let of = |row: &PointRow| -> Option<PointRow> {
+    let mean_row = |row: &PointRow| -> Option<PointRow> {
         let mut all = vec![row];
         for table in others {
             all.push(table.iter().find(|other| other.setting == row.setting)?);
@@ -107,7 +107,7 @@ pub fn mean_rows(tables: &[Vec<PointRow>]) -> Vec<PointRow> {
             ..row.clone()
         })
     };
-    compared(first.iter().filter_map(of).collect())
+    compared(first.iter().filter_map(mean_row).collect())
 }
 
 /// The rows with what they say about each other.

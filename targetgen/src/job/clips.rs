@@ -92,15 +92,15 @@ mod tests {
             std::fs::write(dir.path().join(clip).join(CLIP_FILE), "{}").unwrap();
         }
         std::fs::write(dir.path().join("list"), "# comment\n\nb/a\n  c/a \n").unwrap();
-        let of = |arguments: &[&str]| {
+        let names_of = |arguments: &[&str]| {
             let paths: Vec<PathBuf> = arguments.iter().map(|a| dir.path().join(a)).collect();
             find_clips(&paths).map(|clips| clips.into_iter().map(|clip| clip.name).collect::<Vec<_>>())
         };
-        assert_eq!(of(&["b"]).unwrap(), ["a", "x_y"]);
-        assert_eq!(of(&["list"]).unwrap(), ["a", "a~2"]);
-        assert_eq!(of(&["b/x y", "b", "list"]).unwrap(), ["x_y", "a", "x_y~2", "a~2", "a~3"]);
-        assert!(of(&["c/a/clip.json/.."]).is_err() && of(&["nowhere"]).is_err() && of(&[]).is_err());
+        assert_eq!(names_of(&["b"]).unwrap(), ["a", "x_y"]);
+        assert_eq!(names_of(&["list"]).unwrap(), ["a", "a~2"]);
+        assert_eq!(names_of(&["b/x y", "b", "list"]).unwrap(), ["x_y", "a", "x_y~2", "a~2", "a~3"]);
+        assert!(names_of(&["c/a/clip.json/.."]).is_err() && names_of(&["nowhere"]).is_err() && names_of(&[]).is_err());
         std::fs::create_dir(dir.path().join("empty")).unwrap();
-        assert!(of(&["empty"]).unwrap_err().to_string().contains("CLIPS: expected a clip directory"));
+        assert!(names_of(&["empty"]).unwrap_err().to_string().contains("CLIPS: expected a clip directory"));
     }
 }

@@ -30,7 +30,7 @@ pub(super) fn deltas(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
     let squared = total(|costs| costs.residual.iter().map(|&r| f64::from(r).powi(2)).sum()) / counted;
     let loss = total(|costs| costs.loss) / problem.views.len() as f64;
     let pixels: usize = problem.views.iter().map(|view| view.pinhole.num_pixels()).sum();
-    let of = |&i: &u32| {
+    let effects = |&i: &u32| {
         let (i, views) = (i as usize, problem.views.iter().zip(&drawn));
         let (mut removal, mut sums) = (0.0, Sums::default());
         for (view, (images, costs)) in views {
@@ -41,7 +41,7 @@ pub(super) fn deltas(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
         let known = |value: f64| Some(value).filter(|value| sums.shown && value.is_finite());
         (known(removal * pixels as f64 / loss), known(-sums.gain() / squared))
     };
-    let (prune, add) = round.chosen.iter().map(of).unzip();
+    let (prune, add) = round.chosen.iter().map(effects).unzip();
     ActionDeltas { prune, add }
 }
 

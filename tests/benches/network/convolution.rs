@@ -92,7 +92,7 @@ fn twin(bencher: Bencher, channels: usize) {
     let weight = double(weight(channels));
     bencher
         .counter(operations(&map, channels))
-        .bench_local(|| reference::convolve((sites.coords(), &features), sites.coords(), &weight, 3, 1));
+        .bench_local(|| reference::convolve(sites.coords(), &features, sites.coords(), &weight, 3, 1));
 }
 
 fn shape(channels: usize) -> WeightShape {

@@ -55,9 +55,13 @@ fn promised_keys() -> Outcome {
     let place = place()?;
     let page = page(&place, &["--weights", "forward.safetensors", "--frames", "0,1"])?;
     metrics::expect_network_keys(&page)?;
-    let of = |key: &str| metrics::number(&page, &["stages_s", key]);
-    let parts = of("refine_render")? + of("refine_loss")? + of("refine_network")?;
-    if parts > of("refine")? || of("refine_network")? <= 0.0 || of("backbone")? <= 0.0 || of("policy")? <= 0.0 {
+    let seconds = |key: &str| metrics::number(&page, &["stages_s", key]);
+    let parts = seconds("refine_render")? + seconds("refine_loss")? + seconds("refine_network")?;
+    if parts > seconds("refine")?
+        || seconds("refine_network")? <= 0.0
+        || seconds("backbone")? <= 0.0
+        || seconds("policy")? <= 0.0
+    {
         return Err(format!("stages that do not add up: {}", page["stages_s"]).into());
     }
     let digest = page["weights"].as_str().unwrap_or_default();

@@ -68,7 +68,7 @@ fn expect_recipe(page: &Value, recipe: &Value) -> Outcome {
     };
     expect("refine_with", &config["refine_with"], &refiner)?;
     let learned = network && recipe["refine_steps"] != 0;
-    let search = if learned { recipe.get("line_search").cloned().unwrap_or(json!("every")) } else { Value::Null };
+    let search = if learned { recipe.get("line_search").cloned().unwrap_or(json!("auto")) } else { Value::Null };
     expect("line_search", &config["line_search"], &search)
 }
 
@@ -109,7 +109,7 @@ fn ample_time() -> Outcome {
     let text = |key: &str| recipe[key].as_str().unwrap_or_default();
     let mut flags = vec!["--background", text("background"), "--refine-with", &adam, "--query", on_off("query")];
     if recipe["network"] == true {
-        let search = recipe["line_search"].as_str().unwrap_or("every");
+        let search = recipe["line_search"].as_str().unwrap_or("auto");
         flags.extend(["--refine-steps", &steps, "--line-search", search, "--density", text("density")]);
         let limit = if recipe["max_gaussians"].is_null() { "none" } else { text("max_gaussians") };
         flags.extend(["--max-gaussians", limit]);

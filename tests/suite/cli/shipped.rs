@@ -87,10 +87,10 @@ fn line_searches() -> Outcome {
         }
         Ok(metrics::number(&page, &["mean", "held_out", "psnr"])?)
     };
-    let of = |steps: &str| -> Result<[f64; 3], libtest_mimic::Failed> {
+    let figures = |steps: &str| -> Result<[f64; 3], libtest_mimic::Failed> {
         Ok([psnr(steps, "every")?, psnr(steps, "last")?, psnr(steps, "off")?])
     };
-    let ([every, last, off], [of_every, of_last, of_off]) = (of("1")?, of("2")?);
+    let ([every, last, off], [of_every, of_last, of_off]) = (figures("1")?, figures("2")?);
     if every != last || every == off || of_every == of_last || of_last == of_off {
         return Err(format!("one step: {every}, {last}, {off} dB; two: {of_every}, {of_last}, {of_off} dB").into());
     }

@@ -133,8 +133,8 @@ fn many_opaque() -> Outcome {
         row[LOGIT_OPACITY] = 200.0;
         row
     };
-    let of = |count: u16| drawn(&set_of((0..count).map(row).collect(), usize::from(count)));
-    let (all, few) = (of(20_000)?, of(200)?);
+    let image_of = |count: u16| drawn(&set_of((0..count).map(row).collect(), usize::from(count)));
+    let (all, few) = (image_of(20_000)?, image_of(200)?);
     let middle = (8 * AHEAD.width + 16) * 3;
     same_bits("the pixel", &all.rgb[middle..middle + 3], &few.rgb[middle..middle + 3])
 }

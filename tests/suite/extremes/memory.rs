@@ -19,6 +19,8 @@ use super::tiny::AHEAD;
 use super::{Extreme, ensure, failed};
 use crate::targetgen::job;
 
+/// Where the system tells what memory a process takes.
+const STATUS: &str = "/proc/self/status";
 /// Bytes of memory that reading may take beside four times the input.
 const BESIDE: u64 = 64 << 20;
 
@@ -51,13 +53,15 @@ pub(super) const CASES: &[Extreme] = &[
         "a DGP sweep of 20 MB, not packed",
         "read in at most 64 MB and four times the file",
         || parsed(&stored(1_250_000)?),
-    ),
+    )
+    .needing(STATUS),
     Extreme::new(
         "sweep_that_unfolds_to_the_bound",
         "a DGP sweep of 16 KB that unfolds to just below the bound of 16 MB",
         "read in at most 64 MB and four times the file",
         || parsed(&deflated(1_048_000)?),
     )
+    .needing(STATUS)
     .mended("files might unfold to 64 MB, which took 200 MB to read: now to 16 MB and four thirds of their size"),
 ];
 
@@ -147,13 +151,13 @@ fn parsed(sweep: &[u8]) -> Outcome {
     let written = fs::metadata(place.path().join("out/lidar/0001.bin"))?.len();
     ensure(written > 16_000_000, || format!("a sweep of {written} bytes was written"))?;
     fs::remove_dir_all(place.path().join("out"))?;
-    let Some(peak) = peak_bytes(&arguments, place.path())? else { return Ok(()) };
+    let peak = peak_bytes(&arguments, place.path())?;
     let most = 4 * sweep.len() as u64 + BESIDE;
     ensure(peak > written && peak <= most, || format!("{peak} bytes for an input of {} bytes", sweep.len()))
 }
 
-/// The most memory that `lgs-clip` was seen to take; `None` where the system does not tell of processes.
-fn peak_bytes(arguments: &[&OsStr], place: &Path) -> Result<Option<u64>, libtest_mimic::Failed> {
+/// The most memory that `lgs-clip` was seen to take.
+fn peak_bytes(arguments: &[&OsStr], place: &Path) -> Result<u64, libtest_mimic::Failed> {
     let mut child = Command::new(binary("lgs-clip")?)
         .args(arguments)
         .current_dir(place)
@@ -170,5 +174,5 @@ fn peak_bytes(arguments: &[&OsStr], place: &Path) -> Result<Option<u64>, libtest
         peak = peak.max(kibibytes.map(|kibibytes| 1024 * kibibytes));
         std::thread::sleep(Duration::from_micros(500));
     }
-    Ok(peak)
+    peak.ok_or_else(|| "the process ended before its memory was seen".into())
 }

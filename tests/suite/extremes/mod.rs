@@ -13,7 +13,9 @@ mod set_update_and_targets;
 mod table;
 mod tiny;
 
-use lgs_tests::{Outcome, case};
+use std::path::Path;
+
+use lgs_tests::{Needed, Outcome, case, case_if};
 use libtest_mimic::Trial;
 
 /// One extreme input.
@@ -27,16 +29,27 @@ struct Extreme {
     must: &'static str,
     /// What was mended so that it does; `None` where it always did.
     mended: Option<&'static str>,
+    /// A file of the system without which the case cannot run.
+    needs: Option<&'static str>,
     body: fn() -> Outcome,
 }
 
 impl Extreme {
     const fn new(name: &'static str, input: &'static str, must: &'static str, body: fn() -> Outcome) -> Self {
-        Self { name, input, must, mended: None, body }
+        Self { name, input, must, mended: None, needs: None, body }
     }
 
     const fn mended(self, how: &'static str) -> Self {
         Self { mended: Some(how), ..self }
+    }
+
+    const fn needing(self, file: &'static str) -> Self {
+        Self { needs: Some(file), ..self }
+    }
+
+    fn case(&self, group: &str) -> Trial {
+        let needed = self.needs.map_or(Needed::Here, |file| Needed::path(Path::new(file), file));
+        case_if(&needed, format!("extremes::{group}::{}", self.name), self.body)
     }
 }
 
@@ -64,7 +77,7 @@ const GROUPS: [Group; 10] = [
 pub(crate) fn cases(others: Vec<String>) -> Vec<Trial> {
     let mut cases = Vec::new();
     for group in GROUPS {
-        cases.extend(group.cases.iter().map(|one| case(format!("extremes::{}::{}", group.name, one.name), one.body)));
+        cases.extend(group.cases.iter().map(|one| one.case(group.name)));
     }
     cases.push(case("extremes::table_is_that_of_the_cases", move || table::check(&others)));
     cases

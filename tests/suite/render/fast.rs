@@ -126,7 +126,7 @@ fn any_float() -> impl Strategy<Value = f32> {
     ]
 }
 
-/// Nothing panics, and a Gaussian with a number that is not finite neither shows nor spoils the others.
+/// Any floats are drawn without a panic; a Gaussian with a number that is not finite neither shows nor spoils the others.
 fn survives_any_floats() -> Outcome {
     let strategy = proptest::collection::vec(proptest::collection::vec(any_float(), 18), 1..6);
     let config = Config { cases: 400, failure_persistence: None, ..Config::default() };

@@ -72,13 +72,13 @@ fn draws_what_the_twin_draws() -> Outcome {
         if !(apart < 2e-3 && apart < 0.05 * without) {
             return Err(format!("{moments:?}: {apart:.5} from the twin, {without:.5} without a shutter").into());
         }
-        gradients_agree(&scene, (moments, &view), seed)?;
+        gradients_agree(&scene, moments, &view, seed)?;
     }
     Ok(())
 }
 
 /// Gradients within 12 % of the twin's: alphas near their floor and terms of second order in the motion are not the same.
-fn gradients_agree(scene: &Scene, (moments, view): ([f64; 3], &PinholeView), seed: u64) -> Outcome {
+fn gradients_agree(scene: &Scene, moments: [f64; 3], view: &PinholeView, seed: u64) -> Outcome {
     let at = |place| exposing(&scene.camera, moments, &MOTION, place);
     let skip = vec![false; view.num_pixels()];
     let weights = random_weights(&scene.camera, &skip, seed);

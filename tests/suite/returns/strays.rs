@@ -35,33 +35,33 @@ fn share(index: usize, step: f32) -> f32 {
 fn drops(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let range = |p: &[f32; 3]| p.iter().map(|v| v * v).sum::<f32>().sqrt();
     let ahead: Vec<&[f32; 3]> = points.iter().filter(|p| p[0] > p[1].abs() && range(p) > 18.0).collect();
-    let of = |k: usize| {
+    let drop = |k: usize| {
         let beam = ahead[k * ahead.len() / 10];
         let share = (2.0 + 10.0 * share(k, 0.618_034)) / range(beam);
         beam.map(|v| v * share)
     };
-    (0..10).map(of).collect()
+    (0..10).map(drop).collect()
 }
 
 /// Thirty echoes around the sensor, nearer than its vehicle's skin.
 fn echoes(_: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let of = |k: usize| {
+    let echo = |k: usize| {
         let [turn, tilt] = [2.0 * PI * share(k, 0.618_034), 0.5 * PI * (share(k, 0.754_877_7) - 0.5)];
         let range = 0.1 + 0.35 * share(k, 0.569_84);
         [turn.cos() * tilt.cos(), turn.sin() * tilt.cos(), tilt.sin()].map(|v| v * range)
     };
-    (0..30).map(of).collect()
+    (0..30).map(echo).collect()
 }
 
 /// Five returns at 5 km, along beams that go ahead.
 fn kilometres(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let ahead: Vec<&[f32; 3]> = points.iter().filter(|p| p[0] > 2.0 * p[1].abs()).collect();
-    let of = |k: usize| {
+    let far = |k: usize| {
         let beam = ahead[k * ahead.len() / 5];
         let range = beam.iter().map(|v| v * v).sum::<f32>().sqrt();
         beam.map(|v| v * 5000.0 / range)
     };
-    (0..5).map(of).collect()
+    (0..5).map(far).collect()
 }
 
 /// What is added to the returns of a sweep, or stands in their place.
@@ -103,8 +103,8 @@ fn changes_nothing(kind: &str, more: More<'_>) -> Outcome {
         let [want, got] = [clips::street(), clip.clone()].map(|clip| found(&clip, weights, place.path()));
         let (want, got) = (want?, got?);
         let [psnr, dmae] = ["psnr", "dmae"].map(|figure| {
-            let of = |found| metrics::number(found, &["mean", "held_out", figure]);
-            of(&got).and_then(|got| Ok(got - of(&want)?))
+            let value = |found| metrics::number(found, &["mean", "held_out", figure]);
+            value(&got).and_then(|got| Ok(got - value(&want)?))
         });
         let (psnr, dmae) = (psnr?, dmae?);
         if psnr < -MOST || dmae > MOST {

@@ -230,8 +230,8 @@ fn fidelity() -> Outcome {
     let text = fs::read_to_string(place.path().join("o/fidelity.json"))?;
     let page: serde_json::Value = serde_json::from_str(&text)?;
     let rows = page["at-once"].as_array().ok_or("no rows")?;
-    let of = |row: &serde_json::Value| row["correlation"].as_f64().unwrap_or(0.0);
-    let footprint: Vec<f64> = rows.iter().filter(|row| row["signal"] == "footprint").map(of).collect();
+    let correlation = |row: &serde_json::Value| row["correlation"].as_f64().unwrap_or(0.0);
+    let footprint: Vec<f64> = rows.iter().filter(|row| row["signal"] == "footprint").map(correlation).collect();
     let drawn = place.path().join("o/after-add-magnitude.svg").exists();
     if footprint.len() == 2 && footprint.iter().all(|&r| r > 0.4) && page["after"][0]["count"] == 5 && drawn {
         return Ok(());

@@ -5,7 +5,7 @@ use lgs_engine::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use lgs_engine::loss::LossWeights;
 use lgs_engine::views::{DepthSample, PinholeView, Role, View};
 use lgs_formats::image::RgbImage;
-use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
+use lgs_formats::targets::{Signal, TargetsConfig};
 use lgs_targetgen::branches::Problem;
 use lgs_tests::random::Random;
 
@@ -32,21 +32,7 @@ impl Made {
 
 /// The settings of the paper.
 pub(crate) fn config(signal: Signal) -> TargetsConfig {
-    TargetsConfig {
-        signal,
-        normalise: Normalise::Branch,
-        rounds: 3,
-        rho: 0.2,
-        neighbours: 8,
-        noise_m: 0.01,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: false,
-        cameras: None,
-        image_size: None,
-        seed: 0,
-        weights: None,
-    }
+    TargetsConfig { signal, ..TargetsConfig::default() }
 }
 
 /// A camera at the origin that looks along z, shifted to the right by `x` metres.

@@ -63,8 +63,8 @@ fn gaussians(clips: &Path, out: &Path, settings: Settings) -> Result<f64, Failed
 fn the_policy_decides_and_stays() -> Outcome {
     let place = tempfile::tempdir()?;
     let (clips, out) = (clips(place.path())?, place.path().join("out"));
-    let of = |thresholds| gaussians(&clips, &out, finetuning(1, thresholds));
-    let (nothing, copied, pruned) = (of([0.7, 0.7])?, of([0.7, 0.3])?, of([0.3, 0.7])?);
+    let mean_count = |thresholds| gaussians(&clips, &out, finetuning(1, thresholds));
+    let (nothing, copied, pruned) = (mean_count([0.7, 0.7])?, mean_count([0.7, 0.3])?, mean_count([0.3, 0.7])?);
     let limited = Settings { max_gaussians: Some(Limit::Percent(70)), ..finetuning(1, [0.7, 0.7]) };
     let left = gaussians(&clips, &out, limited)?;
     if left != (0.7 * nothing).floor() {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use lgs_engine::network::config::ModelConfig;
 use lgs_engine::network::source::load_model;
 use lgs_formats::targets::{
-    ActionTargets, ClipRecord, ClipTargets, EncodedClip, HalfFeatures, MANIFEST_FILE, Manifest, Normalise, ShardRecord,
-    Signal, TARGETS_FORMAT, TargetsConfig, ZScore, shard_file, write_shard,
+    ActionTargets, ClipRecord, ClipTargets, EncodedClip, HalfFeatures, MANIFEST_FILE, Manifest, ShardRecord, Signal,
+    TARGETS_FORMAT, TargetsConfig, shard_file, write_shard,
 };
 use lgs_targetgen::job::find_clips;
 use lgs_tests::{Outcome, case, clips as shipped};
@@ -39,21 +39,7 @@ pub(crate) fn cases() -> Vec<Trial> {
 }
 
 fn targets_config(signal: Signal) -> TargetsConfig {
-    TargetsConfig {
-        signal,
-        normalise: Normalise::Branch,
-        rounds: 3,
-        rho: 0.2,
-        neighbours: 8,
-        noise_m: 0.01,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: true,
-        cameras: None,
-        image_size: None,
-        seed: 0,
-        weights: Some(WEIGHTS.to_owned()),
-    }
+    TargetsConfig { signal, with_features: true, weights: Some(WEIGHTS.to_owned()), ..TargetsConfig::default() }
 }
 
 /// Repeatable values in -1..1.
@@ -69,7 +55,7 @@ fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
     };
     let index: Vec<u32> = (0_u32..).step_by(2).take(N / 2).collect();
     let rows = index.len();
-    let of = |sign: f32| ActionTargets {
+    let targets = |sign: f32| ActionTargets {
         y: index.iter().map(|&i| 0.5 + 0.4 * sign * feature(i as usize, 0)).collect(),
         delta: vec![0.0; rows],
         mask: vec![true; rows],
@@ -80,8 +66,8 @@ fn clip(number: usize, width: usize, sign: f32) -> ClipTargets {
     let half = |v: f32| half::f16::from_f32(v).to_bits();
     ClipTargets {
         samples: vec![1; rows],
-        prune: of(sign),
-        add: of(-sign),
+        prune: targets(sign),
+        add: targets(-sign),
         index,
         moments: [[0.0, 1.0]; 2],
         gaussians: (0..N).map(row).collect(),

@@ -14,8 +14,8 @@ use lgs_formats::ply::{read_ply, write_ply};
 use lgs_formats::pose::Pose;
 use lgs_formats::returns::{write_sensors, write_times};
 use lgs_formats::targets::{
-    ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Normalise, Shard, ShardRecord,
-    Signal, TARGETS_FORMAT, TargetsConfig, ZScore, shard_file, write_shard,
+    ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Shard, ShardRecord, TARGETS_FORMAT,
+    TargetsConfig, shard_file, write_shard,
 };
 
 /// Size that images are brought to.
@@ -200,21 +200,8 @@ pub(super) fn fill_targets(_: &Path, to: &Path) -> Said {
         velocities: vec![[0.0; 3]; 3],
         features: None,
     };
-    let config = TargetsConfig {
-        signal: Signal::Response,
-        normalise: Normalise::Branch,
-        rounds: 1,
-        rho: 0.5,
-        neighbours: 2,
-        noise_m: 0.01,
-        log_scale: 1.0,
-        zscore: ZScore::Joint,
-        with_features: false,
-        cameras: None,
-        image_size: Some([8, 12]),
-        seed: 0,
-        weights: None,
-    };
+    let config =
+        TargetsConfig { rounds: 1, rho: 0.5, neighbours: 2, image_size: Some([8, 12]), ..TargetsConfig::default() };
     let encoded = EncodedClip::new(to, &targets).map_err(said)?;
     let file = shard_file(0);
     write_shard(&to.join(&file), &config, &[("a", encoded.dims)], |_| Ok(encoded.clone())).map_err(said)?;

@@ -4,12 +4,12 @@ use glam::{DVec3, Vec3};
 
 use super::{
     config::StreetSpec,
-    dice::Dice,
     facade::{Facade, Masonry},
     material::Material,
     maths::narrow3,
     object::Palette,
     primitive::Part,
+    rng::Rng,
     shapes::{Shape, Taper},
     surface::colour,
 };
@@ -42,12 +42,12 @@ const ACCENTS: [[f32; 3]; 7] = [
 ];
 
 /// A house of the given width (along y); its depth runs to -x.
-pub(crate) fn house(street: &StreetSpec, width: f64, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
-    let facade = facade(street, dice);
-    let num_floors = dice.between(street.floors[0], street.floors[1]);
+pub(crate) fn house(street: &StreetSpec, width: f64, rng: &mut Rng, palette: &mut Palette) -> Vec<Part> {
+    let facade = facade(street, rng);
+    let num_floors = rng.between(street.floors[0], street.floors[1]);
     let height = f64::from(facade.ground_height + facade.floor_height * num_floors as f32) + 0.9;
-    let depth = dice.uniform(9.0, 13.0);
-    let seed = dice.bits();
+    let depth = rng.uniform(9.0, 13.0);
+    let seed = rng.bits();
     let (trim, accent) = (facade.trim, facade.accent);
     let (bay, ground, floor) =
         (f64::from(facade.bay_width), f64::from(facade.ground_height), f64::from(facade.floor_height));
@@ -60,27 +60,27 @@ pub(crate) fn house(street: &StreetSpec, width: f64, dice: &mut Dice, palette: &
         block(DVec3::new(depth, width, height), back(0.0) + DVec3::Z * (0.5 * height), walls),
         block(DVec3::new(depth + 0.5, width, 0.22), back(0.25) + DVec3::Z * (height - 0.11), stone),
     ];
-    if dice.chance(0.6) {
-        let rise = dice.uniform(1.8, 3.2);
-        let [r, g, b] = dice.pick(&[[0.50, 0.28, 0.22], [0.36, 0.35, 0.37], [0.42, 0.30, 0.26]]);
+    if rng.chance(0.6) {
+        let rise = rng.uniform(1.8, 3.2);
+        let [r, g, b] = rng.pick(&[[0.50, 0.28, 0.22], [0.36, 0.35, 0.37], [0.42, 0.30, 0.26]]);
         let tiles = palette.add(Material::Tiles { colour: colour(r, g, b) });
-        let taper = Taper { front: 3.2, rear: 3.2, sides: if dice.chance(0.5) { 0.05 } else { 1.4 } };
+        let taper = Taper { front: 3.2, rear: 3.2, sides: if rng.chance(0.5) { 0.05 } else { 1.4 } };
         let size = narrow3(DVec3::new(depth + 0.3, width, rise));
         parts.push(
             Part::new(Shape::tapered(size, taper), back(0.1) + DVec3::Z * (height + 0.5 * rise), tiles).seeded(seed),
         );
-        let chimney = DVec3::new(-0.35 * depth, dice.uniform(-0.3, 0.3) * width, height + rise);
+        let chimney = DVec3::new(-0.35 * depth, rng.uniform(-0.3, 0.3) * width, height + rise);
         parts.push(block(DVec3::new(0.7, 0.9, 2.0), chimney, walls));
     }
-    if shop && dice.chance(0.6) {
+    if shop && rng.chance(0.6) {
         let stripes = Material::Striped { colours: [accent, Vec3::splat(0.75)], period: 0.35 };
         let material = palette.add(stripes);
         let size = Vec3::new(1.1, narrow3(DVec3::new(width * 0.7, 0.0, 0.0)).x, 0.5);
         let taper = Taper { front: 1.0, rear: 0.0, sides: 0.1 };
         parts.push(Part::new(Shape::tapered(size, taper), DVec3::new(0.55, 0.0, ground - 0.75), material));
     }
-    if num_floors > 0 && dice.chance(0.4) {
-        balconies(&mut parts, dice, palette, &Balconies { width, bay, ground, floor, num_floors });
+    if num_floors > 0 && rng.chance(0.4) {
+        balconies(&mut parts, rng, palette, &Balconies { width, bay, ground, floor, num_floors });
     }
     parts
 }
@@ -94,13 +94,13 @@ struct Balconies {
     num_floors: usize,
 }
 
-fn balconies(parts: &mut Vec<Part>, dice: &mut Dice, palette: &mut Palette, place: &Balconies) {
+fn balconies(parts: &mut Vec<Part>, rng: &mut Rng, palette: &mut Palette, place: &Balconies) {
     let slab = palette.add(Material::Paint { colour: colour(0.66, 0.65, 0.62), grain: 0.2, frequency: 3.0 });
     let rails = [colour(0.16, 0.17, 0.18), colour(0.44, 0.45, 0.46)];
     let rail = palette.add(Material::Striped { colours: rails, period: 0.12 });
     let num_bays = (place.width / place.bay).round().max(1.0);
     let bay = place.width / num_bays;
-    let column = dice.between(0, super::maths::count(num_bays) - 1) as f64;
+    let column = rng.between(0, super::maths::count(num_bays) - 1) as f64;
     let y = (column + 0.5) * bay - 0.5 * place.width;
     for k in 0..place.num_floors {
         let z = place.ground + k as f64 * place.floor;
@@ -114,29 +114,29 @@ fn balconies(parts: &mut Vec<Part>, dice: &mut Dice, palette: &mut Palette, plac
     }
 }
 
-fn facade(street: &StreetSpec, dice: &mut Dice) -> Facade {
-    let [r, g, b] = dice.pick(&WALLS);
-    let [ar, ag, ab] = dice.pick(&ACCENTS);
+fn facade(street: &StreetSpec, rng: &mut Rng) -> Facade {
+    let [r, g, b] = rng.pick(&WALLS);
+    let [ar, ag, ab] = rng.pick(&ACCENTS);
     let scale = super::maths::to_f32(street.texture_scale);
-    let masonry = match dice.index(6) {
+    let masonry = match rng.index(6) {
         0..3 => {
-            let length = dice.uniform32(0.34, 0.6) * scale;
-            Masonry::Bricks { length, course: length * dice.uniform32(0.36, 0.5), joint: 0.03 * scale }
+            let length = rng.uniform32(0.34, 0.6) * scale;
+            Masonry::Bricks { length, course: length * rng.uniform32(0.36, 0.5), joint: 0.03 * scale }
         }
         3..5 => Masonry::Plaster,
-        _ => Masonry::Panels { height: dice.uniform32(0.6, 1.2) * scale },
+        _ => Masonry::Panels { height: rng.uniform32(0.6, 1.2) * scale },
     };
-    let light = dice.uniform32(0.72, 0.9);
-    let trim = if dice.chance(0.8) { colour(light, 0.98 * light, 0.94 * light) } else { colour(0.3, 0.3, 0.32) };
+    let light = rng.uniform32(0.72, 0.9);
+    let trim = if rng.chance(0.8) { colour(light, 0.98 * light, 0.94 * light) } else { colour(0.3, 0.3, 0.32) };
     Facade {
         masonry,
-        wall: colour(r, g, b) * dice.uniform32(0.85, 1.1),
+        wall: colour(r, g, b) * rng.uniform32(0.85, 1.1),
         trim,
         accent: colour(ar, ag, ab),
-        ground_height: dice.uniform32(3.3, 4.2),
-        floor_height: dice.uniform32(2.8, 3.4),
-        bay_width: dice.uniform32(1.9, 3.2),
-        window: (dice.uniform32(0.42, 0.62), dice.uniform32(0.45, 0.62)),
-        shop: dice.chance(0.45),
+        ground_height: rng.uniform32(3.3, 4.2),
+        floor_height: rng.uniform32(2.8, 3.4),
+        bay_width: rng.uniform32(1.9, 3.2),
+        window: (rng.uniform32(0.42, 0.62), rng.uniform32(0.45, 0.62)),
+        shop: rng.chance(0.45),
     }
 }

@@ -10,8 +10,8 @@ use lgs_formats::{
 
 use super::{
     camera::Capture,
-    dice::Dice,
     maths::{count, mix},
+    rng::Rng,
 };
 use crate::error::Result;
 
@@ -56,7 +56,7 @@ pub(super) fn write(
         DepthMaps::Relative => {
             let known = |&depth: &f32| if depth.is_nan() { f32::INFINITY } else { depth };
             let depths: Vec<f32> = capture.depth.iter().map(known).collect();
-            let values = as_a_network_sees(&depths, width, &mut Dice::new(seed, STREAM + image));
+            let values = as_a_network_sees(&depths, width, &mut Rng::new(seed, STREAM + image));
             write_depth_png(&root.join(&file), width, height, &stretched(&values))?;
         }
     }
@@ -64,9 +64,9 @@ pub(super) fn write(
 }
 
 /// Inverse depths (1 / metres) with the errors of [`DepthMaps::Relative`]. `[H, W]`
-fn as_a_network_sees(depth: &[f32], width: usize, dice: &mut Dice) -> Vec<f32> {
+fn as_a_network_sees(depth: &[f32], width: usize, rng: &mut Rng) -> Vec<f32> {
     let height = depth.len() / width.max(1);
-    let grid: Vec<f32> = (0..GRID[0] * GRID[1]).map(|_| to_f32(dice.uniform(-BIAS, BIAS))).collect();
+    let grid: Vec<f32> = (0..GRID[0] * GRID[1]).map(|_| to_f32(rng.uniform(-BIAS, BIAS))).collect();
     let place = |at: usize, size: usize, cells: usize| {
         let position = (at as f64 + 0.5) / size as f64 * (cells - 1) as f64;
         let low = count(position).min(cells - 2);
@@ -85,7 +85,7 @@ fn as_a_network_sees(depth: &[f32], width: usize, dice: &mut Dice) -> Vec<f32> {
         let ((top, down), (left, right)) = (place(row, height, GRID[0]), place(column, width, GRID[1]));
         let line = |y: usize| mix(grid[y * GRID[1] + left], grid[y * GRID[1] + left + 1], right);
         let bias = mix(line(top), line(top + 1), down);
-        sum / number * (1.0 + bias + to_f32(NOISE * dice.normal()))
+        sum / number * (1.0 + bias + to_f32(NOISE * rng.normal()))
     };
     (0..depth.len()).map(of_pixel).collect()
 }
@@ -106,15 +106,15 @@ mod tests {
     #[test]
     fn a_network_is_off_by_patches_and_noise_only() {
         let depth = vec![10.0; 64 * 32];
-        let seen = as_a_network_sees(&depth, 64, &mut Dice::new(3, 1));
+        let seen = as_a_network_sees(&depth, 64, &mut Rng::new(3, 1));
         let shares: Vec<f32> = seen.iter().map(|w| w / 0.1 - 1.0).collect();
         let largest = shares.iter().fold(0.0_f32, |m, s| m.max(s.abs()));
         assert!((0.03..0.16).contains(&largest), "{largest}");
         let step = |k: usize| (shares[k + 1] - shares[k]).abs();
         let steps: f32 = (0..63).map(step).sum::<f32>() / 63.0;
         assert!(steps < 0.03, "neighbours are off alike: {steps}");
-        assert_eq!(seen, as_a_network_sees(&depth, 64, &mut Dice::new(3, 1)));
-        assert_ne!(seen, as_a_network_sees(&depth, 64, &mut Dice::new(3, 2)));
+        assert_eq!(seen, as_a_network_sees(&depth, 64, &mut Rng::new(3, 1)));
+        assert_ne!(seen, as_a_network_sees(&depth, 64, &mut Rng::new(3, 2)));
     }
 
     #[test]

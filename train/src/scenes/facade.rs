@@ -149,20 +149,20 @@ impl Facade {
     /// The pane of a window at shares of its width and height: dark rooms, curtains, blinds, a reflection of the sky.
     fn pane(&self, bay: &Bay, x: f32, y: f32, at: &Surface) -> Texel {
         let bits = hash(bay.column, bay.floor, at.seed ^ 0xA1);
-        let dice = |k: i32| unit(hash(k, bay.floor, bits));
+        let rng = |k: i32| unit(hash(k, bay.floor, bits));
         let w = at.footprint / bay.width;
-        let sky = colour(0.50, 0.58, 0.68) * mix(0.25, 0.9, dice(1));
-        let room = colour(0.13, 0.14, 0.16) * mix(0.6, 1.6, dice(2));
-        let cloudy = octaves(x + dice(3) * 9.0, y, 1.3, 2, w, bits);
+        let sky = colour(0.50, 0.58, 0.68) * mix(0.25, 0.9, rng(1));
+        let room = colour(0.13, 0.14, 0.16) * mix(0.6, 1.6, rng(2));
+        let cloudy = octaves(x + rng(3) * 9.0, y, 1.3, 2, w, bits);
         let mut albedo = room.lerp(sky, smoothstep(0.1, 1.3, y + 0.5 * cloudy));
-        let cloth = colour(0.80, 0.77, 0.70) * mix(0.5, 1.0, dice(4));
-        if dice(5) < 0.45 {
-            let side = mix(0.1, 0.35, dice(6));
+        let cloth = colour(0.80, 0.77, 0.70) * mix(0.5, 1.0, rng(4));
+        if rng(5) < 0.45 {
+            let side = mix(0.1, 0.35, rng(6));
             let folds = 1.0 + 0.25 * octaves(x * 14.0, 0.0, 1.0, 1, 14.0 * w, bits);
             let covered = 1.0 - pulse(x, side, 1.0 - side, w);
             albedo = albedo.lerp(cloth * folds, 0.8 * covered);
-        } else if dice(5) < 0.7 {
-            let bottom = mix(0.2, 0.85, dice(7));
+        } else if rng(5) < 0.7 {
+            let bottom = mix(0.2, 0.85, rng(7));
             let slats = 1.0 - 0.25 * stripes(y, 0.06, 0.02, w);
             albedo = albedo.lerp(cloth * slats, pulse(y, bottom, 1.1, w));
         }

@@ -4,11 +4,11 @@ use glam::{DMat3, DVec3, Vec3};
 use lgs_formats::casts::to_f32;
 
 use super::{
-    dice::Dice,
     material::Material,
     maths::narrow3,
     object::Palette,
     primitive::{MaterialId, Part},
+    rng::Rng,
     shapes::{Shape, Taper},
     sign_texture::SignFace,
     surface::colour,
@@ -35,9 +35,9 @@ fn block(size: DVec3, at: DVec3, material: MaterialId) -> Part {
 
 impl Furniture {
     /// The materials of one street.
-    pub(crate) fn new(dice: &mut Dice, palette: &mut Palette) -> Self {
+    pub(crate) fn new(rng: &mut Rng, palette: &mut Palette) -> Self {
         let metals = [[0.52, 0.54, 0.55], [0.20, 0.28, 0.24], [0.16, 0.17, 0.19], [0.36, 0.37, 0.38]];
-        let [r, g, b] = dice.pick(&metals);
+        let [r, g, b] = rng.pick(&metals);
         let mut paint = |colour, grain| palette.add(Material::Paint { colour, grain, frequency: 5.0 });
         Self {
             metal: paint(colour(r, g, b), 0.25),
@@ -60,8 +60,8 @@ impl Furniture {
     }
 
     /// A round traffic sign.
-    pub(crate) fn sign(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
-        let height = dice.uniform(2.1, 2.6);
+    pub(crate) fn sign(&self, rng: &mut Rng, palette: &mut Palette) -> Vec<Part> {
+        let height = rng.uniform(2.1, 2.6);
         let plate = |z: f64, face: SignFace, palette: &mut Palette| {
             let shape = Shape::Cylinder { radius: 0.33, half_height: 0.015 };
             // The top of the cylinder looks along +x, its x points down.
@@ -71,31 +71,31 @@ impl Furniture {
         };
         let faces = [SignFace::Limit, SignFace::Direction, SignFace::NoEntry];
         let mut parts = vec![pole(DVec3::ZERO, height + 0.3, 0.035, self.metal)];
-        parts.push(plate(height, dice.pick(&faces), palette));
-        if dice.chance(0.35) {
-            parts.push(plate(height - 0.72, dice.pick(&faces), palette));
+        parts.push(plate(height, rng.pick(&faces), palette));
+        if rng.chance(0.35) {
+            parts.push(plate(height - 0.72, rng.pick(&faces), palette));
         }
         parts
     }
 
     /// A board with writing on two poles.
-    pub(crate) fn board(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
-        let (wide, high) = (dice.uniform(1.3, 2.2), dice.uniform(0.6, 1.1));
+    pub(crate) fn board(&self, rng: &mut Rng, palette: &mut Palette) -> Vec<Part> {
+        let (wide, high) = (rng.uniform(1.3, 2.2), rng.uniform(0.6, 1.1));
         let material = palette.add(Material::Sign(SignFace::Board));
         let plate = block(DVec3::new(0.05, wide, high), DVec3::new(0.07, 0.0, 2.5 + 0.5 * high), material);
         vec![
             pole(DVec3::Y * (0.4 * wide), 2.5 + high, 0.04, self.metal),
             pole(DVec3::Y * (-0.4 * wide), 2.5 + high, 0.04, self.metal),
-            plate.seeded(dice.bits()),
+            plate.seeded(rng.bits()),
         ]
     }
 
     /// A traffic light.
-    pub(crate) fn traffic_light(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
+    pub(crate) fn traffic_light(&self, rng: &mut Rng, palette: &mut Palette) -> Vec<Part> {
         let material = palette.add(Material::Sign(SignFace::Lights));
         vec![
             pole(DVec3::ZERO, 3.3, 0.06, self.dark),
-            block(DVec3::new(0.24, 0.32, 0.95), DVec3::new(0.15, 0.0, 2.85), material).seeded(dice.bits()),
+            block(DVec3::new(0.24, 0.32, 0.95), DVec3::new(0.15, 0.0, 2.85), material).seeded(rng.bits()),
         ]
     }
 
@@ -105,8 +105,8 @@ impl Furniture {
     }
 
     /// A bin, a bollard, a cabinet or a bench.
-    pub(crate) fn small(&self, dice: &mut Dice, palette: &mut Palette) -> Vec<Part> {
-        match dice.index(5) {
+    pub(crate) fn small(&self, rng: &mut Rng, palette: &mut Palette) -> Vec<Part> {
+        match rng.index(5) {
             0 => {
                 let green =
                     palette.add(Material::Paint { colour: colour(0.14, 0.36, 0.25), grain: 0.3, frequency: 4.0 });

@@ -6,9 +6,9 @@ use lgs_formats::{pose::Pose, sweep::Sweep};
 use rayon::prelude::*;
 
 use super::{
-    dice::Dice,
     maths::{narrow_mat, narrow3, rotation_y, rotation_z, smoothstep},
     rig::LidarSpec,
+    rng::Rng,
     shapes::Ray,
     streams,
     world::Moment,
@@ -94,14 +94,14 @@ impl Scanner<'_> {
         let share = if spec.num_beams > 1 { beam as f64 / (spec.num_beams - 1) as f64 } else { 0.5 };
         let elevation = (low + (high - low) * share).to_radians();
         let [first, end] = spec.azimuth_deg;
-        let mut dice = Dice::new(self.seed, streams::LIDAR + ((self.frame as u64) << 16) + beam as u64);
+        let mut rng = Rng::new(self.seed, streams::LIDAR + ((self.frame as u64) << 16) + beam as u64);
         let turn = narrow_mat(self.clip_from_world.rotation());
         (0..spec.num_azimuths)
             .filter_map(|k| {
                 let azimuth = (first + (end - first) * k as f64 / spec.num_azimuths as f64).to_radians();
                 let local = narrow3((rotation_z(azimuth) * rotation_y(-elevation)).x_axis);
-                let noise = to_f32(dice.normal() * spec.range_noise_m);
-                let luck = dice.uniform32(0.0, 1.0);
+                let noise = to_f32(rng.normal() * spec.range_noise_m);
+                let luck = rng.uniform32(0.0, 1.0);
                 let instant = &self.instants[k * self.instants.len() / spec.num_azimuths];
                 let origin = narrow3(instant.world_from_lidar.translation());
                 let ray = Ray { origin, direction: narrow_mat(instant.world_from_lidar.rotation()) * local };

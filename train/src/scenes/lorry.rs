@@ -3,11 +3,11 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    dice::Dice,
     material::Material,
     maths::narrow3,
     object::{Model, Palette},
     primitive::{MaterialId, Part},
+    rng::Rng,
     shapes::{Shape, Taper},
     surface::colour,
     vehicles::{PAINTS, wheel},
@@ -16,11 +16,11 @@ use super::{
 const NONE: Taper = Taper { front: 0.0, rear: 0.0, sides: 0.0 };
 
 /// A lorry with a trailer, 15.5 to 18.5 m long, as one rigid body.
-pub(crate) fn lorry(dice: &mut Dice, palette: &mut Palette) -> Model {
-    let size = DVec3::new(dice.uniform(15.5, 18.5), 2.5, dice.uniform(3.6, 4.0));
-    let [paint, band] = [dice.pick(&PAINTS), dice.pick(&PAINTS)].map(|[r, g, b]| colour(r, g, b));
-    let seed = dice.bits();
-    let hold_paint = if dice.chance(0.5) { colour(0.85, 0.84, 0.82) } else { paint };
+pub(crate) fn lorry(rng: &mut Rng, palette: &mut Palette) -> Model {
+    let size = DVec3::new(rng.uniform(15.5, 18.5), 2.5, rng.uniform(3.6, 4.0));
+    let [paint, band] = [rng.pick(&PAINTS), rng.pick(&PAINTS)].map(|[r, g, b]| colour(r, g, b));
+    let seed = rng.bits();
+    let hold_paint = if rng.chance(0.5) { colour(0.85, 0.84, 0.82) } else { paint };
     let cargo = palette.add(Material::Cargo { paint: hold_paint, band });
     let (body, cabin) = (palette.add(Material::CarBody { paint }), palette.add(Material::CarCabin { paint }));
     let dark = palette.add(Material::Paint { colour: Vec3::splat(0.015), grain: 0.3, frequency: 3.0 });

@@ -5,8 +5,8 @@
 //! writes to its own slots: a configuration gives the same bytes everywhere.
 
 mod check;
-pub(crate) mod dice;
 pub(crate) mod maths;
+pub(crate) mod rng;
 mod streams;
 mod texture;
 

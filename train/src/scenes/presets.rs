@@ -2,76 +2,76 @@
 
 use super::{
     config::{BusySpec, LightSpec, Origin, SceneConfig, StreetSpec, TrafficSpec},
-    dice::Dice,
     rig::{CAMERA_PLACES, CameraSpec, LidarSpec, Rig},
+    rng::Rng,
     streams,
 };
 
 /// A configuration of which every aspect is drawn from the seed: street, textures, light, traffic, sensors, time.
 /// Images have 256 x 512 pixels.
 pub fn varied(seed: u64) -> SceneConfig {
-    let mut dice = Dice::new(seed, streams::CONFIG);
+    let mut rng = Rng::new(seed, streams::CONFIG);
     SceneConfig {
         seed,
-        num_frames: dice.between(4, 8),
-        frame_interval_s: if dice.chance(0.6) { 0.1 } else { dice.uniform(0.05, 0.25) },
+        num_frames: rng.between(4, 8),
+        frame_interval_s: if rng.chance(0.6) { 0.1 } else { rng.uniform(0.05, 0.25) },
         box_reach_m: 80.0,
-        rig: rig(&mut dice),
-        street: street(&mut dice),
-        traffic: usual_traffic(&mut dice),
-        light: light(&mut dice),
-        origin: origin(&mut dice),
+        rig: rig(&mut rng),
+        street: street(&mut rng),
+        traffic: usual_traffic(&mut rng),
+        light: light(&mut rng),
+        origin: origin(&mut rng),
     }
 }
 
-fn rig(dice: &mut Dice) -> Rig {
-    let num_cameras = dice.pick(&[1, 2, 3, 3, 3, 5]);
-    let (fov, spread, pitch) = (dice.uniform(48.0, 78.0), dice.uniform(0.8, 1.3), dice.uniform(-3.0, 6.0));
-    let height = dice.uniform(1.35, 2.1);
-    let late = dice.uniform(-0.02, 0.02);
+fn rig(rng: &mut Rng) -> Rig {
+    let num_cameras = rng.pick(&[1, 2, 3, 3, 3, 5]);
+    let (fov, spread, pitch) = (rng.uniform(48.0, 78.0), rng.uniform(0.8, 1.3), rng.uniform(-3.0, 6.0));
+    let height = rng.uniform(1.35, 2.1);
+    let late = rng.uniform(-0.02, 0.02);
     let cameras = CAMERA_PLACES[..num_cameras]
         .iter()
         .map(|&(name, yaw)| {
             let mut camera = CameraSpec::at_place((name, yaw), 256, 512, fov);
-            camera.yaw_deg = yaw * spread + dice.uniform(-2.0, 2.0);
-            camera.pitch_deg = pitch + dice.uniform(-0.5, 0.5);
-            camera.roll_deg = dice.uniform(-0.7, 0.7);
+            camera.yaw_deg = yaw * spread + rng.uniform(-2.0, 2.0);
+            camera.pitch_deg = pitch + rng.uniform(-0.5, 0.5);
+            camera.roll_deg = rng.uniform(-0.7, 0.7);
             camera.position[2] = height;
-            camera.delay_s = late + dice.uniform(-0.01, 0.01);
+            camera.delay_s = late + rng.uniform(-0.01, 0.01);
             camera
         })
         .collect();
-    let mut lidar = LidarSpec::spinning(dice.pick(&[16, 32, 40, 64, 64, 128]), dice.pick(&[600, 900, 1200, 1800]));
-    lidar.position[2] = height + dice.uniform(0.1, 0.4);
-    lidar.elevation_deg = [dice.uniform(-26.0, -17.0), dice.uniform(2.0, 12.0)];
-    lidar.range_noise_m = dice.uniform(0.003, 0.035);
-    lidar.dropout = dice.uniform(0.0, 0.1);
-    lidar.range_m = [1.5, dice.uniform(60.0, 120.0)];
+    let mut lidar = LidarSpec::spinning(rng.pick(&[16, 32, 40, 64, 64, 128]), rng.pick(&[600, 900, 1200, 1800]));
+    lidar.position[2] = height + rng.uniform(0.1, 0.4);
+    lidar.elevation_deg = [rng.uniform(-26.0, -17.0), rng.uniform(2.0, 12.0)];
+    lidar.range_noise_m = rng.uniform(0.003, 0.035);
+    lidar.dropout = rng.uniform(0.0, 0.1);
+    lidar.range_m = [1.5, rng.uniform(60.0, 120.0)];
     Rig { cameras, lidar }
 }
 
-fn street(dice: &mut Dice) -> StreetSpec {
-    let low = dice.between(0, 2);
+fn street(rng: &mut Rng) -> StreetSpec {
+    let low = rng.between(0, 2);
     StreetSpec {
-        curvature: if dice.chance(0.3) { 0.0 } else { dice.uniform(-0.0055, 0.0055) },
-        lane_width_m: dice.uniform(3.0, 3.8),
-        num_lanes: dice.pick(&[1, 1, 1, 2]),
-        parking: dice.chance(0.75),
-        pavement_m: dice.uniform(2.2, 4.5),
-        floors: [low, low + dice.between(1, 3)],
-        open_plots: dice.uniform(0.0, 0.5),
-        tree_spacing_m: dice.uniform(8.0, 32.0),
-        texture_scale: dice.uniform(0.7, 1.9),
+        curvature: if rng.chance(0.3) { 0.0 } else { rng.uniform(-0.0055, 0.0055) },
+        lane_width_m: rng.uniform(3.0, 3.8),
+        num_lanes: rng.pick(&[1, 1, 1, 2]),
+        parking: rng.chance(0.75),
+        pavement_m: rng.uniform(2.2, 4.5),
+        floors: [low, low + rng.between(1, 3)],
+        open_plots: rng.uniform(0.0, 0.5),
+        tree_spacing_m: rng.uniform(8.0, 32.0),
+        texture_scale: rng.uniform(0.7, 1.9),
     }
 }
 
-fn usual_traffic(dice: &mut Dice) -> TrafficSpec {
+fn usual_traffic(rng: &mut Rng) -> TrafficSpec {
     TrafficSpec {
-        ego_speed: if dice.chance(0.1) { 0.0 } else { dice.uniform(2.0, 14.0) },
-        num_cars: dice.between(1, 7),
-        speeds: [3.0, dice.uniform(8.0, 15.0)],
-        num_people: dice.between(0, 5),
-        parked: dice.uniform(0.2, 0.9),
+        ego_speed: if rng.chance(0.1) { 0.0 } else { rng.uniform(2.0, 14.0) },
+        num_cars: rng.between(1, 7),
+        speeds: [3.0, rng.uniform(8.0, 15.0)],
+        num_people: rng.between(0, 5),
+        parked: rng.uniform(0.2, 0.9),
         busy: None,
     }
 }
@@ -80,57 +80,57 @@ fn usual_traffic(dice: &mut Dice) -> TrafficSpec {
 /// expose 20 to 100 ms before or after the sweep's timestamp.
 pub fn traffic(seed: u64) -> SceneConfig {
     let mut config = varied(seed);
-    let mut dice = Dice::new(seed, streams::BUSY_CONFIG);
-    config.num_frames = dice.between(7, 8);
+    let mut rng = Rng::new(seed, streams::BUSY_CONFIG);
+    config.num_frames = rng.between(7, 8);
     config.frame_interval_s = 0.1;
-    config.rig.lidar.num_beams = dice.pick(&[32, 40, 64, 64, 128]);
-    config.rig.lidar.num_azimuths = dice.pick(&[900, 1200, 1800]);
+    config.rig.lidar.num_beams = rng.pick(&[32, 40, 64, 64, 128]);
+    config.rig.lidar.num_azimuths = rng.pick(&[900, 1200, 1800]);
     for camera in &mut config.rig.cameras {
-        camera.delay_s = dice.uniform(0.02, 0.1) * if dice.chance(0.5) { 1.0 } else { -1.0 };
+        camera.delay_s = rng.uniform(0.02, 0.1) * if rng.chance(0.5) { 1.0 } else { -1.0 };
     }
-    let ego_speed = if dice.chance(0.15) { 0.0 } else { dice.uniform(1.0, 10.0) };
+    let ego_speed = if rng.chance(0.15) { 0.0 } else { rng.uniform(1.0, 10.0) };
     let driven = ego_speed * config.frame_time(config.num_frames);
-    config.street.num_lanes = dice.pick(&[1, 1, 2]);
+    config.street.num_lanes = rng.pick(&[1, 1, 2]);
     config.traffic = TrafficSpec {
         ego_speed,
-        num_cars: dice.between(1, 3),
-        num_people: dice.between(1, 6),
+        num_cars: rng.between(1, 3),
+        num_people: rng.between(1, 6),
         busy: Some(BusySpec {
-            side_street: dice.chance(0.8).then(|| driven + dice.uniform(9.0, 20.0)),
-            lorries: dice.between(0, 2),
-            queue: if dice.chance(0.6) { dice.between(3, 6) } else { 0 },
-            crossing: dice.between(1, 3),
-            turning: dice.between(1, 3),
-            cyclists: dice.between(0, 3),
-            people_across: dice.between(0, 3),
+            side_street: rng.chance(0.8).then(|| driven + rng.uniform(9.0, 20.0)),
+            lorries: rng.between(0, 2),
+            queue: if rng.chance(0.6) { rng.between(3, 6) } else { 0 },
+            crossing: rng.between(1, 3),
+            turning: rng.between(1, 3),
+            cyclists: rng.between(0, 3),
+            people_across: rng.between(0, 3),
         }),
         ..config.traffic
     };
     config
 }
 
-fn light(dice: &mut Dice) -> LightSpec {
+fn light(rng: &mut Rng) -> LightSpec {
     LightSpec {
-        sun_azimuth_deg: dice.uniform(-180.0, 180.0),
-        sun_elevation_deg: dice.uniform(18.0, 70.0),
-        overcast: if dice.chance(0.3) { dice.uniform(0.6, 0.95) } else { dice.uniform(0.0, 0.4) },
-        clouds: dice.uniform(0.1, 0.9),
-        haze_m: dice.uniform(300.0, 2000.0),
+        sun_azimuth_deg: rng.uniform(-180.0, 180.0),
+        sun_elevation_deg: rng.uniform(18.0, 70.0),
+        overcast: if rng.chance(0.3) { rng.uniform(0.6, 0.95) } else { rng.uniform(0.0, 0.4) },
+        clouds: rng.uniform(0.1, 0.9),
+        haze_m: rng.uniform(300.0, 2000.0),
     }
 }
 
 /// Small numbers, epoch seconds or UTM metres.
-fn origin(dice: &mut Dice) -> Origin {
+fn origin(rng: &mut Rng) -> Origin {
     let near = Origin { position: [0.0; 3], heading_deg: 0.0, time_s: 0.0 };
-    if dice.chance(0.4) {
+    if rng.chance(0.4) {
         return near;
     }
-    let mut far = Origin { heading_deg: dice.uniform(-180.0, 180.0), ..near };
-    if dice.chance(0.6) {
-        far.time_s = 1.6e9 + dice.uniform(0.0, 1e8);
+    let mut far = Origin { heading_deg: rng.uniform(-180.0, 180.0), ..near };
+    if rng.chance(0.6) {
+        far.time_s = 1.6e9 + rng.uniform(0.0, 1e8);
     }
-    if dice.chance(0.6) {
-        far.position = [dice.uniform(3e5, 7e5), dice.uniform(4e6, 6e6), dice.uniform(0.0, 600.0)];
+    if rng.chance(0.6) {
+        far.position = [rng.uniform(3e5, 7e5), rng.uniform(4e6, 6e6), rng.uniform(0.0, 600.0)];
     }
     far
 }

@@ -6,9 +6,9 @@ use super::{
     busy,
     config::SceneConfig,
     course::Course,
-    dice::Dice,
     motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Object, Palette},
+    rng::Rng,
     road::Road,
     streams, vehicles,
 };
@@ -29,11 +29,11 @@ pub(crate) struct Traffic {
 impl Traffic {
     /// The traffic of a configuration that is valid.
     pub(crate) fn new(config: &SceneConfig, road: &Road, crossings: &[f64], palette: &mut Palette) -> Self {
-        let mut dice = Dice::new(config.seed, streams::TRAFFIC);
-        let ego = ego(config, road, &mut dice);
+        let mut rng = Rng::new(config.seed, streams::TRAFFIC);
+        let ego = ego(config, road, &mut rng);
         let mut objects = Vec::new();
-        drive(config, road, &ego, &mut dice, palette, &mut objects);
-        walk(config, road, &mut dice, palette, &mut objects);
+        drive(config, road, &ego, &mut rng, palette, &mut objects);
+        walk(config, road, &mut rng, palette, &mut objects);
         park(config, road, crossings, palette, &mut objects);
         if let Some(spec) = &config.traffic.busy {
             busy::join(config, spec, road, &ego, palette, &mut objects);
@@ -42,8 +42,8 @@ impl Traffic {
     }
 }
 
-fn ego(config: &SceneConfig, road: &Road, dice: &mut Dice) -> EgoMotion {
-    let lane = dice.index(road.num_lanes);
+fn ego(config: &SceneConfig, road: &Road, rng: &mut Rng) -> EgoMotion {
+    let lane = rng.index(road.num_lanes);
     let motion = Motion {
         s: 0.0,
         d: -(lane as f64 + 0.5) * road.lane_width,
@@ -55,17 +55,23 @@ fn ego(config: &SceneConfig, road: &Road, dice: &mut Dice) -> EgoMotion {
     let moves = if config.traffic.ego_speed > 0.0 { 1.0 } else { 0.0 };
     EgoMotion {
         motion,
-        nod: [moves * dice.uniform(0.0, 0.006), dice.uniform(3.0, 7.0)],
-        sway: [moves * dice.uniform(0.0, 0.08), dice.uniform(0.5, 1.5)],
+        nod: [moves * rng.uniform(0.0, 0.006), rng.uniform(3.0, 7.0)],
+        sway: [moves * rng.uniform(0.0, 0.08), rng.uniform(0.5, 1.5)],
     }
 }
 
+/// A thing in a lane, and its length in metres.
+struct Moving {
+    motion: Motion,
+    length: f64,
+}
+
 /// Whether two things of one lane keep [`GAP`] through the clip.
-fn keep_apart(config: &SceneConfig, road: &Road, a: (&Motion, f64), b: (&Motion, f64)) -> bool {
+fn keep_apart(config: &SceneConfig, road: &Road, a: &Moving, b: &Moving) -> bool {
     let end = config.frame_time(config.num_frames);
     (0..=20).all(|k| {
         let time = end * f64::from(k) / 20.0;
-        (a.0.place(road, time) - b.0.place(road, time)).abs() > 0.5 * (a.1 + b.1) + GAP
+        (a.motion.place(road, time) - b.motion.place(road, time)).abs() > 0.5 * (a.length + b.length) + GAP
     })
 }
 
@@ -79,36 +85,37 @@ fn drive(
     config: &SceneConfig,
     road: &Road,
     ego: &EgoMotion,
-    dice: &mut Dice,
+    rng: &mut Rng,
     palette: &mut Palette,
     objects: &mut Vec<Object>,
 ) {
     let [low, high] = config.traffic.speeds;
     for k in 0..config.traffic.num_cars {
-        let truck = dice.chance(0.15);
-        let model = if truck { vehicles::truck(dice, palette) } else { vehicles::car(dice, palette) };
+        let truck = rng.chance(0.15);
+        let model = if truck { vehicles::truck(rng, palette) } else { vehicles::car(rng, palette) };
         let length = model.size.x;
         // The first two are in sight at once: one ahead, one coming.
-        let oncoming = if k < 2 { k == 1 } else { dice.chance(0.55) };
+        let oncoming = if k < 2 { k == 1 } else { rng.chance(0.55) };
         let reach = if k < 2 { [9.0, 32.0] } else { [-30.0, 90.0] };
         let free = (0..40).find_map(|_| {
-            let lane = (dice.index(road.num_lanes) as f64 + 0.5) * road.lane_width;
-            let speed = dice.uniform(low, high);
+            let lane = (rng.index(road.num_lanes) as f64 + 0.5) * road.lane_width;
+            let speed = rng.uniform(low, high);
             let motion = Motion {
-                s: dice.uniform(reach[0], reach[1]),
-                d: if oncoming { lane } else { -lane } + dice.uniform(-0.15, 0.15),
+                s: rng.uniform(reach[0], reach[1]),
+                d: if oncoming { lane } else { -lane } + rng.uniform(-0.15, 0.15),
                 speed: if oncoming { -speed } else { speed },
-                acceleration: if dice.chance(0.4) { dice.uniform(-0.8, 0.8) } else { 0.0 },
+                acceleration: if rng.chance(0.4) { rng.uniform(-0.8, 0.8) } else { 0.0 },
                 heading: if oncoming { PI } else { 0.0 },
                 height: 0.0,
             };
             let motion = steady(motion, config.frame_time(config.num_frames));
             let same_lane = |d: f64| (d - motion.d).abs() < 0.7 * road.lane_width;
-            let others = objects.iter().filter_map(|other| Some((other.course.street()?, other.model.size.x)));
+            let moving = |other: &Object| Some(Moving { motion: *other.course.street()?, length: other.model.size.x });
+            let others = objects.iter().filter_map(moving);
             let clear = others
-                .chain([(&ego.motion, 2.0 * EGO_HALF_LENGTH)])
-                .filter(|(other, _)| same_lane(other.d))
-                .all(|other| keep_apart(config, road, (&motion, length), other));
+                .chain([Moving { motion: ego.motion, length: 2.0 * EGO_HALF_LENGTH }])
+                .filter(|other| same_lane(other.motion.d))
+                .all(|other| keep_apart(config, road, &Moving { motion, length }, &other));
             clear.then_some(motion)
         });
         if let Some(motion) = free {
@@ -117,21 +124,21 @@ fn drive(
     }
 }
 
-fn walk(config: &SceneConfig, road: &Road, dice: &mut Dice, palette: &mut Palette, objects: &mut Vec<Object>) {
+fn walk(config: &SceneConfig, road: &Road, rng: &mut Rng, palette: &mut Palette, objects: &mut Vec<Object>) {
     for k in 0..config.traffic.num_people {
-        let side = if dice.chance(0.5) { 1.0 } else { -1.0 };
+        let side = if rng.chance(0.5) { 1.0 } else { -1.0 };
         let room = [(0.55 * road.pavement_width).min(1.5), (road.pavement_width - 0.9).max(0.9)];
-        let backwards = dice.chance(0.5);
-        let pace = if dice.chance(0.2) { 0.0 } else { dice.uniform(1.1, 1.8) };
+        let backwards = rng.chance(0.5);
+        let pace = if rng.chance(0.2) { 0.0 } else { rng.uniform(1.1, 1.8) };
         let motion = Motion {
-            s: dice.uniform(6.0, 45.0),
-            d: side * (road.kerb_offset() + dice.uniform(room[0].min(room[1]), room[1])),
+            s: rng.uniform(6.0, 45.0),
+            d: side * (road.kerb_offset() + rng.uniform(room[0].min(room[1]), room[1])),
             speed: if backwards { -pace } else { pace },
             acceleration: 0.0,
             heading: if backwards { PI } else { 0.0 },
             height: road.kerb_height,
         };
-        let model = vehicles::person(dice, palette);
+        let model = vehicles::person(rng, palette);
         objects.push(Object { track: format!("{}-{k}", model.category), model, course: Course::Street(motion) });
     }
 }
@@ -140,19 +147,19 @@ fn park(config: &SceneConfig, road: &Road, crossings: &[f64], palette: &mut Pale
     if !config.street.parking {
         return;
     }
-    let mut dice = Dice::new(config.seed, streams::PARKED);
+    let mut rng = Rng::new(config.seed, streams::PARKED);
     for side in [1.0, -1.0] {
         for slot in -10..26 {
             // The bars of the parking slots are painted 0.6 m before every sixth metre.
-            let s = f64::from(slot) * 6.0 + 2.45 + dice.uniform(-0.3, 0.3);
+            let s = f64::from(slot) * 6.0 + 2.45 + rng.uniform(-0.3, 0.3);
             let free = crossings.iter().all(|&at| (s - at).abs() > 6.5);
-            if !free || !dice.chance(config.traffic.parked) {
+            if !free || !rng.chance(config.traffic.parked) {
                 continue;
             }
-            let model = vehicles::car(&mut dice, palette);
-            let d = side * (road.kerb_offset() - 1.15 + dice.uniform(-0.08, 0.08));
-            let turned = if (side > 0.0) != dice.chance(0.1) { PI } else { 0.0 };
-            let motion = Motion::still(s, d, turned + dice.uniform(-0.035, 0.035), 0.0);
+            let model = vehicles::car(&mut rng, palette);
+            let d = side * (road.kerb_offset() - 1.15 + rng.uniform(-0.08, 0.08));
+            let turned = if (side > 0.0) != rng.chance(0.1) { PI } else { 0.0 };
+            let motion = Motion::still(s, d, turned + rng.uniform(-0.035, 0.035), 0.0);
             let which = if side > 0.0 { "left" } else { "right" };
             objects.push(Object { track: format!("parked-{which}{slot}"), model, course: Course::Street(motion) });
         }
@@ -185,8 +192,9 @@ mod tests {
                 assert!(traffic.objects[..k].iter().all(|b| b.track != a.track), "seed {seed}: track {}", a.track);
                 for b in &traffic.objects[..k] {
                     let [am, bm] = [a, b].map(|object| *object.course.street().unwrap());
+                    let short = |object: &Object, motion| Moving { motion, length: object.model.size.x - GAP };
                     let clear = (am.d - bm.d).abs() > 0.5 * (a.model.size.y + b.model.size.y) - 0.2
-                        || keep_apart(&config, &road, (&am, a.model.size.x - GAP), (&bm, b.model.size.x - GAP));
+                        || keep_apart(&config, &road, &short(a, am), &short(b, bm));
                     let people = a.model.category == "pedestrian" || b.model.category == "pedestrian";
                     assert!(clear || people, "seed {seed}: {} and {}", a.track, b.track);
                 }

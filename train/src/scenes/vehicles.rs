@@ -5,11 +5,11 @@ use lgs_formats::casts::to_f32;
 
 use super::{
     car_texture::WHEELBASE,
-    dice::Dice,
     material::Material,
     maths::{narrow3, rotation_x, rotation_y},
     object::{Model, Palette},
     primitive::{MaterialId, Part},
+    rng::Rng,
     shapes::{Shape, Taper},
     surface::colour,
 };
@@ -41,11 +41,11 @@ struct Proportions {
 }
 
 /// A passenger car or van with paint and proportions of its own.
-pub(crate) fn car(dice: &mut Dice, palette: &mut Palette) -> Model {
-    let stretch = dice.uniform(0.94, 1.06);
+pub(crate) fn car(rng: &mut Rng, palette: &mut Palette) -> Model {
+    let stretch = rng.uniform(0.94, 1.06);
     let size = |l: f64, w: f64, h: f64| DVec3::new(l * stretch, w, h * (0.5 + 0.5 * stretch));
     let taper = |front, rear, sides| Taper { front, rear, sides };
-    let p = match dice.index(10) {
+    let p = match rng.index(10) {
         0..4 => Proportions {
             category: "car",
             size: size(4.5, 1.8, 1.46),
@@ -79,13 +79,13 @@ pub(crate) fn car(dice: &mut Dice, palette: &mut Palette) -> Model {
             wheel: 0.34,
         },
     };
-    assemble(&p, dice, palette)
+    assemble(&p, rng, palette)
 }
 
-fn assemble(p: &Proportions, dice: &mut Dice, palette: &mut Palette) -> Model {
-    let [r, g, b] = dice.pick(&PAINTS);
+fn assemble(p: &Proportions, rng: &mut Rng, palette: &mut Palette) -> Model {
+    let [r, g, b] = rng.pick(&PAINTS);
     let paint = colour(r, g, b);
-    let seed = dice.bits();
+    let seed = rng.bits();
     let body = palette.add(Material::CarBody { paint });
     let cabin = palette.add(Material::CarCabin { paint });
     let (length, width, height) = (p.size.x, p.size.y, p.size.z);
@@ -129,12 +129,12 @@ pub(crate) fn wheel(x: f64, left: f64, width: f64, radius: f64, material: Materi
 }
 
 /// A truck with a closed box.
-pub(crate) fn truck(dice: &mut Dice, palette: &mut Palette) -> Model {
-    let size = DVec3::new(dice.uniform(6.6, 8.4), 2.4, dice.uniform(2.9, 3.4));
-    let [r, g, b] = dice.pick(&PAINTS);
+pub(crate) fn truck(rng: &mut Rng, palette: &mut Palette) -> Model {
+    let size = DVec3::new(rng.uniform(6.6, 8.4), 2.4, rng.uniform(2.9, 3.4));
+    let [r, g, b] = rng.pick(&PAINTS);
     let paint = colour(r, g, b);
-    let [br, bg, bb] = dice.pick(&PAINTS);
-    let seed = dice.bits();
+    let [br, bg, bb] = rng.pick(&PAINTS);
+    let seed = rng.bits();
     let cab_length = 1.9;
     let cargo = palette.add(Material::Cargo { paint: colour(0.85, 0.84, 0.82), band: colour(br, bg, bb) });
     let (body, cabin) = (palette.add(Material::CarBody { paint }), palette.add(Material::CarCabin { paint }));
@@ -160,14 +160,14 @@ pub(crate) fn truck(dice: &mut Dice, palette: &mut Palette) -> Model {
 }
 
 /// A walking or standing person.
-pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
-    let height = dice.uniform(1.58, 1.9);
-    let cloth = |dice: &mut Dice| {
-        let base = [dice.uniform32(0.1, 0.75), dice.uniform32(0.1, 0.6), dice.uniform32(0.1, 0.7)];
+pub(crate) fn person(rng: &mut Rng, palette: &mut Palette) -> Model {
+    let height = rng.uniform(1.58, 1.9);
+    let cloth = |rng: &mut Rng| {
+        let base = [rng.uniform32(0.1, 0.75), rng.uniform32(0.1, 0.6), rng.uniform32(0.1, 0.7)];
         Material::Paint { colour: colour(base[0], base[1], base[2]), grain: 0.35, frequency: 7.0 }
     };
-    let (coat, trousers) = (palette.add(cloth(dice)), palette.add(cloth(dice)));
-    let skin = dice.uniform32(0.35, 0.85);
+    let (coat, trousers) = (palette.add(cloth(rng)), palette.add(cloth(rng)));
+    let skin = rng.uniform32(0.35, 0.85);
     let skin =
         palette.add(Material::Paint { colour: colour(skin, 0.78 * skin, 0.64 * skin), grain: 0.1, frequency: 9.0 });
     let hip = 0.48 * height;
@@ -175,7 +175,7 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
         let shape = Shape::Cylinder { radius, half_height: to_f32(0.5 * length) };
         Part::new(shape, at, material).turned(rotation_y(swing))
     };
-    let swing = dice.uniform(0.15, 0.4);
+    let swing = rng.uniform(0.15, 0.4);
     let reach = 0.5 * hip * swing;
     let mut parts = vec![
         limb(DVec3::new(reach, 0.09, 0.5 * hip), hip - 0.04, -swing, 0.075, trousers),
@@ -186,7 +186,7 @@ pub(crate) fn person(dice: &mut Dice, palette: &mut Palette) -> Model {
     let blob = |radii: Vec3, z: f64, material| Part::new(Shape::Ellipsoid { radii }, DVec3::Z * z, material);
     parts.push(blob(Vec3::new(0.15, 0.2, to_f32(0.21 * height)), 0.66 * height, coat));
     parts.push(blob(Vec3::new(0.105, 0.09, 0.13), height - 0.13, skin));
-    let seed = dice.bits();
+    let seed = rng.bits();
     let parts = parts.into_iter().map(|part| part.seeded(seed)).collect();
     Model { category: "pedestrian", size: DVec3::new(0.8, 0.6, height), parts }
 }
@@ -211,9 +211,9 @@ mod tests {
     #[test]
     fn models_fit_their_boxes() {
         for seed in 0..40 {
-            let (mut dice, mut palette) = (Dice::new(seed, 0), Palette::default());
+            let (mut rng, mut palette) = (Rng::new(seed, 0), Palette::default());
             for make in [car, truck, person, lorry, cyclist] {
-                let model = make(&mut dice, &mut palette);
+                let model = make(&mut rng, &mut palette);
                 assert!(fits_its_box(&model, 0.02), "seed {seed}: {} of {}", model.category, model.size);
             }
         }

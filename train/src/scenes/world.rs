@@ -5,7 +5,6 @@ use glam::{DVec3, Mat3, Vec2, Vec3};
 use super::{
     bvh::Bvh,
     config::SceneConfig,
-    dice::Dice,
     ground::{Ground, Zone},
     layout::Layout,
     material::Material,
@@ -13,6 +12,7 @@ use super::{
     motion::{EgoMotion, Movement},
     object::Object,
     primitive::Primitive,
+    rng::Rng,
     shapes::{Ray, Shape},
     sky::Light,
     streams,
@@ -83,7 +83,7 @@ impl World {
         let layout = Layout::new(config);
         Self {
             ground: layout.ground,
-            light: Light::new(&config.light, Dice::new(config.seed, streams::LIGHT).bits()),
+            light: Light::new(&config.light, Rng::new(config.seed, streams::LIGHT).bits()),
             objects: layout.objects,
             ego: layout.ego,
             materials: layout.materials,

@@ -6,7 +6,7 @@ use lgs_engine::{
 };
 use lgs_formats::image::DepthMap;
 
-use crate::scenes::{dice::Dice, maths::narrow};
+use crate::scenes::{maths::narrow, rng::Rng};
 
 /// A part of an image, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,7 @@ pub struct Window {
 
 impl Window {
     /// A window of at most `height` x `width` somewhere in an image of `size` (height, width).
-    pub(crate) fn draw(dice: &mut Dice, size: [usize; 2], [height, width]: [usize; 2]) -> Self {
+    pub(crate) fn draw(dice: &mut Rng, size: [usize; 2], [height, width]: [usize; 2]) -> Self {
         let (height, width) = (height.min(size[0]), width.min(size[1]));
         let (top, left) = (dice.between(0, size[0] - height), dice.between(0, size[1] - width));
         Self { left, top, width, height }
@@ -72,7 +72,7 @@ pub struct Light {
 
 impl Light {
     /// Some light; in one of three cases the clip's own.
-    pub(crate) fn draw(dice: &mut Dice) -> Self {
+    pub(crate) fn draw(dice: &mut Rng) -> Self {
         if dice.chance(1.0 / 3.0) {
             return Self { gain: [1.0; 3], gamma: 1.0 };
         }
@@ -92,7 +92,7 @@ impl Light {
 }
 
 /// Moves the initial Gaussians away from where inference starts: sizes and opacities as a whole, colours one by one.
-pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Dice) {
+pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Rng) {
     let num_lidar = set.num_lidar;
     for branch in [0..num_lidar, num_lidar..set.len()] {
         let (size, opacity, colour) = (dice.normal() * 0.25, dice.uniform(-0.7, 1.0), dice.uniform(0.0, 0.3));
@@ -105,7 +105,7 @@ pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Dice) {
 }
 
 /// Adds normal noise of a standard deviation up to `most` to the colours of views, one deviation for all of them.
-pub(crate) fn add_noise(views: &mut [View], most: f64, dice: &mut Dice) {
+pub(crate) fn add_noise(views: &mut [View], most: f64, dice: &mut Rng) {
     let deviation = dice.uniform(0.0, most);
     for value in views.iter_mut().flat_map(|view| &mut view.image.data) {
         *value = (*value + narrow(deviation * dice.normal())).clamp(0.0, 1.0);
@@ -162,7 +162,7 @@ mod tests {
 
     use lgs_engine::gaussians::GaussianSet;
 
-    use super::{Dice, Light, Window, add_noise, mirror};
+    use super::{Light, Rng, Window, add_noise, mirror};
 
     fn view(width: usize, height: usize) -> View {
         let pinhole = PinholeView {
@@ -263,9 +263,9 @@ mod tests {
     fn noise_has_its_deviation_and_stays_in_range() {
         let mut views = [view(40, 40)];
         views[0].image.data.fill(0.5);
-        add_noise(&mut views, 0.0, &mut Dice::new(1, 2));
+        add_noise(&mut views, 0.0, &mut Rng::new(1, 2));
         assert!(views[0].image.data.iter().all(|v| *v == 0.5));
-        add_noise(&mut views, 1.0, &mut Dice::new(1, 2));
+        add_noise(&mut views, 1.0, &mut Rng::new(1, 2));
         assert!(views[0].image.data.iter().all(|v| (0.0..=1.0).contains(v)));
         assert!(views[0].image.data.iter().any(|v| *v != 0.5));
     }

@@ -30,7 +30,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    scenes::{dice::Dice, maths::narrow},
+    scenes::{maths::narrow, rng::Rng},
     velocity::{TrueVelocities, VelocityErrors},
 };
 
@@ -226,7 +226,7 @@ struct Perturbed {
 }
 
 impl Perturbed {
-    fn by(set: &GaussianSet, actions: Option<Vec<Action>>, dice: &mut Dice) -> Result<Self> {
+    fn by(set: &GaussianSet, actions: Option<Vec<Action>>, dice: &mut Rng) -> Result<Self> {
         let Some(actions) = actions else { return Ok(Self { set: set.clone(), sources: None }) };
         let sources = densify::origins(&actions).into_iter().chain(set.num_lidar..set.len()).collect();
         Ok(Self { set: densify::apply(set, &actions, u64::from(dice.bits()))?, sources: Some(sources) })
@@ -260,12 +260,12 @@ fn pruned_to(settings: &Settings, dice: &mut Dice) -> Option<Limit> {
 }
 
 /// Actions at random in a share of the steps, so that the refinement knows sets that a policy has changed; `None`: no change.
-fn at_random(set: &GaussianSet, settings: &Settings, dice: &mut Dice) -> Option<Vec<Action>> {
+fn at_random(set: &GaussianSet, settings: &Settings, dice: &mut Rng) -> Option<Vec<Action>> {
     if !dice.chance(settings.perturbed) || set.num_lidar == 0 {
         return None;
     }
     let [prune, copy] = PERTURBED.map(|most| dice.uniform(0.0, most));
-    let action = |dice: &mut Dice| match dice.unit() {
+    let action = |dice: &mut Rng| match dice.unit() {
         u if u < prune => Action::Prune,
         u if u < prune + copy => Action::Copy,
         _ => Action::Keep,

@@ -10,7 +10,7 @@ use lgs_formats::{clip_dir::ClipDir, error::FormatError, image::ImageSize};
 
 use crate::{
     error::{Result, TrainError},
-    scenes::dice::Dice,
+    scenes::rng::Rng,
 };
 
 /// Name of the file that makes a directory a clip.
@@ -60,7 +60,7 @@ impl TrainingClip {
     ///
     /// # Errors
     /// [`EngineError::Leak`] when a frame that is held out was drawn.
-    pub(crate) fn draw(&self, dice: &mut Dice, max_views: usize) -> Result<Draw<'_>> {
+    pub(crate) fn draw(&self, dice: &mut Rng, max_views: usize) -> Result<Draw<'_>> {
         let longest = WINDOWS.into_iter().rev().find(|&n| n <= self.allowed.len()).unwrap_or(1);
         let length = dice.pick(&WINDOWS).min(longest);
         let start = dice.index(self.allowed.len() - length + 1);

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    scenes::{dice::Dice, maths::rotation_z},
+    scenes::{maths::rotation_z, rng::Rng},
     velocity::TrueVelocities,
 };
 
@@ -48,7 +48,7 @@ pub struct Sample {
     /// True velocities of the initial Gaussians, where boxes tell them and other timestamps can show them.
     pub(crate) velocities: Option<TrueVelocities>,
     /// Draws for what the step itself leaves to chance.
-    pub(crate) dice: Dice,
+    pub(crate) dice: Rng,
 }
 
 /// The sample of a step: the same for a seed and a step, whatever came before.
@@ -56,7 +56,7 @@ pub struct Sample {
 /// # Errors
 /// Whatever is wrong with the clip that was drawn, and more of it than there is memory for.
 pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<Sample> {
-    let mut dice = Dice::new(settings.seed, step);
+    let mut dice = Rng::new(settings.seed, step);
     let clip = &clips[dice.index(clips.len())];
     let draw = clip.draw(&mut dice, settings.max_views)?;
     let (frame, mut watch) = (clip_frame(&draw, &mut dice)?, Watch::new(&Silent));
@@ -108,7 +108,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
 }
 
 /// How coarse the initial Gaussians of a step are.
-fn coarseness(dice: &mut Dice) -> Coarseness {
+fn coarseness(dice: &mut Rng) -> Coarseness {
     let [least, most] = COARSENESS;
     let usual = dice.chance(USUAL);
     let other = Coarseness::new(dice.uniform(least, most));
@@ -116,7 +116,7 @@ fn coarseness(dice: &mut Dice) -> Coarseness {
 }
 
 /// The clip frame of a draw, turned about its vertical axis and moved.
-fn clip_frame(draw: &Draw<'_>, dice: &mut Dice) -> Result<ClipFrame> {
+fn clip_frame(draw: &Draw<'_>, dice: &mut Rng) -> Result<ClipFrame> {
     let clip = draw.dir().clip();
     let first = draw.selection().frames(clip)?.input.first().copied().unwrap_or(0);
     let own = ClipFrame::of(clip, first);

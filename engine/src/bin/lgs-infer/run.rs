@@ -86,7 +86,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     plan.spent(&reconstruction, start);
     let shown = run_of.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
-    let drawn = run_of.draw((&reconstruction.scene, reconstruction.density.as_ref()), &mut watch)?;
+    let drawn = run_of.draw(&reconstruction.scene, reconstruction.density.as_ref(), &mut watch)?;
 
     let (records, pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     let metrics = Metrics {
@@ -193,7 +193,8 @@ impl OpenedRun<'_> {
     /// images are read.
     fn draw(
         &self,
-        (scene, density): (&GaussianSet, Option<&DensityMap>),
+        scene: &GaussianSet,
+        density: Option<&DensityMap>,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<(ViewRecord, ViewPictures)>> {
         if self.args.views == ViewsArg::None {

@@ -20,7 +20,7 @@ use crate::{
 use weights::WeightReader;
 
 /// Smallest side of an image, pixels, for which the third pooling of the trunk still has an input.
-pub const MIN_SIDE: usize = 17;
+pub(crate) const MIN_SIDE: usize = 17;
 
 /// Fire modules of the trunk: index in `features`, channels in, squeezed, expanded (each of the two expansions).
 const FIRES: [(usize, usize, usize, usize); 8] = [
@@ -99,7 +99,8 @@ impl Lpips {
         let shift = reader.values("scaling_layer.shift", &[1, 3, 1, 1]);
         let scale = reader.values("scaling_layer.scale", &[1, 3, 1, 1]);
         let first = convolution(&mut reader, "features.0", [64, 3, 3], 2)?;
-        let fires = FIRES.map(|fire| read_fire(&mut reader, fire)).into_iter().collect::<Result<_>>()?;
+        let fire = |(index, input, squeezed, expanded)| read_fire(&mut reader, index, [input, squeezed, expanded]);
+        let fires = FIRES.map(fire).into_iter().collect::<Result<_>>()?;
         let heads = TAP_CHANNELS.iter().enumerate();
         let heads = heads.map(|(i, &c)| reader.values(&format!("lin{i}.model.1.weight"), &[1, c, 1, 1])).collect();
         reader.finish()?;
@@ -109,7 +110,7 @@ impl Lpips {
     /// Distance of two images, 0 for identical ones.
     ///
     /// # Shapes
-    /// Both `[H, W, 3]`, values in 0..=1, H and W at least [`MIN_SIDE`].
+    /// Both `[H, W, 3]`, values in 0..=1, H and W at least `MIN_SIDE`.
     ///
     /// # Formula
     /// Sum over seven layers of the mean over positions of `sum_c w_c (a_c / |a| - b_c / |b|)^2`.
@@ -167,10 +168,7 @@ fn convolution(
     })
 }
 
-fn read_fire(
-    reader: &mut WeightReader,
-    (index, input, squeezed, expanded): (usize, usize, usize, usize),
-) -> Result<Fire> {
+fn read_fire(reader: &mut WeightReader, index: usize, [input, squeezed, expanded]: [usize; 3]) -> Result<Fire> {
     let name = format!("features.{index}");
     Ok(Fire {
         index,

@@ -56,7 +56,7 @@ impl Grid {
         let blocks = |size: usize| (0..size).step_by(BLOCK);
         let corners =
             blocks(view.pinhole.height).flat_map(|row| blocks(view.pinhole.width).map(move |column| (row, column)));
-        let cells = corners.map(|corner| of_block(view, sheet, corner)).collect();
+        let cells = corners.map(|(row, column)| of_block(view, sheet, row, column)).collect();
         Self { side: BLOCK, columns: view.pinhole.width.div_ceil(BLOCK), cells }
     }
 
@@ -107,7 +107,7 @@ fn joined(four: [Behind; 4], factor: f32) -> Option<Behind> {
     four.iter().all(alike).then_some(Behind { farthest, colour: mean })
 }
 
-fn of_block(view: &View, sheet: &Sheet, (row_of_block, column_of_block): (usize, usize)) -> Option<Behind> {
+fn of_block(view: &View, sheet: &Sheet, row_of_block: usize, column_of_block: usize) -> Option<Behind> {
     let pinhole = &view.pinhole;
     let around = |at: usize, size: usize| at.saturating_sub(BLOCK)..(at + 2 * BLOCK).min(size);
     let columns = around(column_of_block, pinhole.width);
@@ -137,21 +137,21 @@ mod tests {
     #[test]
     fn blocks_behind_which_there_is_the_same_are_one() {
         let (width, height) = (240, 144);
-        let of = |edge: usize| {
+        let wall = |edge: usize| {
             let near = |i: usize| i % width < edge;
             let view = seen(ahead(width, height, 50.0), vec![0.5; 3 * width * height]);
             let inverse_depths = (0..width * height).map(|i| if near(i) { 0.2 } else { 0.05 }).collect();
             (view, Sheet { inverse_depths, trust: vec![Trust::Confirmed; width * height] })
         };
         let count = |edge, factor| {
-            let (view, sheet) = of(edge);
+            let (view, sheet) = wall(edge);
             rows(&view, &sheet, Coarseness::new(factor).unwrap()).len()
         };
         // 40 x 24 blocks; of the twice as wide ones, and of those twice as wide again, all but the outermost.
         assert_eq!((count(0, 0.0), count(0, 1.0)), (960, (960 - 4 * 180) + (180 - 4 * 32) + 32));
         let with_edge = count(126, 1.0);
         assert!(with_edge > 324 && with_edge < 600, "{with_edge}");
-        let (view, sheet) = of(0);
+        let (view, sheet) = wall(0);
         let all = rows(&view, &sheet, Coarseness::default());
         let wide = |side: f32| all.iter().filter(|row| (row[LOG_SCALE.start].exp() - 0.3 * side).abs() < 0.01).count();
         assert_eq!([wide(6.0), wide(12.0), wide(24.0)], [240, 52, 32]);

@@ -183,7 +183,7 @@ impl Shape {
 
     /// Those of raw attributes, which stand still.
     pub(super) fn of(rows: &[[f32; NUM_ATTRIBUTES]]) -> Vec<Self> {
-        let of = |row: &[f32; NUM_ATTRIBUTES]| {
+        let standing = |row: &[f32; NUM_ATTRIBUTES]| {
             let opacity = sigmoid(row[LOGIT_OPACITY]);
             Self {
                 mean: mean_of(row),
@@ -194,7 +194,7 @@ impl Shape {
                 log_opacity: (opacity / MIN_ALPHA).ln(),
             }
         };
-        rows.par_iter().with_min_len(4096).map(of).collect()
+        rows.par_iter().with_min_len(4096).map(standing).collect()
     }
 }
 

@@ -37,7 +37,8 @@ const GRAIN: usize = 1024;
 pub(super) fn rows(
     view: &View,
     sheet: &Sheet,
-    (coverage, trust): (&Coverage, Trust),
+    coverage: &Coverage,
+    trust: Trust,
     sources: &[&View],
     coarseness: Coarseness,
 ) -> Vec<[f32; NUM_ATTRIBUTES]> {
@@ -51,7 +52,7 @@ pub(super) fn rows(
 /// The Gaussian of a rectangle: as wide as it, along the plane of its depths, in the mean of its colours.
 fn of_block(view: &View, block: &Block, sources: &[&View]) -> [f32; NUM_ATTRIBUTES] {
     let mut made = row([0.0; 3], 1.0, OPACITY, mean_colour(view, block, sources));
-    put(&mut made, &view.pinhole, (block.middle(), block.plane), sigmas(block.size, SIGMA_SHARE));
+    put(&mut made, &view.pinhole, block.middle(), block.plane, sigmas(block.size, SIGMA_SHARE));
     made
 }
 

@@ -71,25 +71,26 @@ struct Sheet {
 /// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
 /// Pixels that an earlier Gaussian covers get no other. All of them are static but the own vehicle's, which moves with the
 /// sensors. What is returned says how the clip's depth maps were brought to metres, where they were asked for.
-pub fn add_background(
+pub(crate) fn add_background(
     set: &mut GaussianSet,
     views: &[View],
-    (cloud, movement): (&PointCloud, &Movement),
+    cloud: &PointCloud,
+    movement: &Movement,
     start: Start,
 ) -> Vec<MapFit> {
     let Start { background: mode, coarseness } = start;
-    let inputs = from_the_middle(views);
+    let views = from_the_middle(views);
     let without_maps = |sheets: Vec<Sheet>| Aligned { sheets, fits: Vec::new() };
     let radius = sky::radius(cloud);
     let things = moving::things(cloud, movement);
     let still = moving::still(cloud, movement);
     let cloud = &still;
-    let Aligned { mut sheets, fits } = match mode {
+    let Aligned { sheets, fits } = match mode {
         Mode::Off => return Vec::new(),
-        Mode::Sky => without_maps(sky::sheets(&inputs, radius)),
-        Mode::Gaps => without_maps(gaps::sheets(&inputs, radius)),
-        Mode::Depth => without_maps(depth::sheets(&inputs, cloud, radius)),
-        Mode::Auto | Mode::Maps => maps::sheets(&inputs, cloud, radius),
+        Mode::Sky => without_maps(sky::sheets(&views, radius)),
+        Mode::Gaps => without_maps(gaps::sheets(&views, radius)),
+        Mode::Depth => without_maps(depth::sheets(&views, cloud, radius)),
+        Mode::Auto | Mode::Maps => maps::sheets(&views, cloud, radius),
     };
     let shapes = Shape::moving(set);
     let covered = |view: &&View| {
@@ -97,81 +98,99 @@ pub fn add_background(
         coverage.add(&view.pinhole, &shapes);
         coverage
     };
-    let mut coverages: Vec<Coverage> = inputs.par_iter().map(covered).collect();
-    add_moving(set, &inputs, (&mut sheets, &mut coverages), (cloud, &things), coarseness);
-    add_pixels(set, &inputs, (&sheets, &mut coverages), coarseness);
+    let coverages = views.par_iter().map(covered).collect();
+    let mut backdrop = Backdrop { views, sheets, coverages };
+    backdrop.add_moving(set, cloud, &things, coarseness);
+    backdrop.add_pixels(set, coarseness);
     if matches!(mode, Mode::Sky | Mode::Gaps) {
         return fits;
     }
-    for k in 0..inputs.len() {
-        let sources = depth::sources(&inputs, k);
-        let first = !inputs[..k].iter().any(|view| view.camera == inputs[k].camera);
-        if let Some(&other) = sources.first().filter(|_| first) {
-            let nothing = Coverage::new(&inputs[k].pinhole);
-            let rows = emit::rows(inputs[k], &sheets[k], (&nothing, Trust::OwnVehicle), &[], coarseness);
-            let velocity = velocity(&inputs[k].pinhole, &inputs[other].pinhole);
-            for attributes in rows {
-                let time = inputs[k].pinhole.exposed_at(mean_of(&attributes));
-                set.push(Gaussian { attributes, time, frame: frame_of(inputs[k]), velocity });
-            }
-        }
-    }
-    for (view, sheet) in inputs.iter().zip(&sheets) {
+    backdrop.add_own_vehicle(set, coarseness);
+    for (view, sheet) in backdrop.views.iter().zip(&backdrop.sheets) {
         append(set, view, backstop::rows(view, sheet, coarseness));
     }
     fits
 }
 
-/// Appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
-fn add_moving(
-    set: &mut GaussianSet,
-    inputs: &[&View],
-    (sheets, coverages): (&mut [Sheet], &mut [Coverage]),
-    (still, things): (&PointCloud, &[moving::Thing]),
-    coarseness: Coarseness,
-) {
-    let velocities = vec![[0.0; 3]; still.len()];
-    for k in 0..inputs.len() {
-        let view = inputs[k];
-        let standing = samples_at(still, &velocities, view);
-        let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
-        for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
-            let Some(own) = moving::sheet(view, (&mut sheets[k], &standing), thing, things, &sources) else { continue };
-            let rows = emit::rows(view, &own, (&coverages[k], Trust::Alone), &[], coarseness);
-            let first = set.len();
-            for attributes in rows {
-                let mean = mean_of(&attributes);
-                let time = view.pinhole.exposed_at(mean);
-                let velocity = thing.velocity_of(mean, time - thing.time);
-                set.push(Gaussian { attributes, time, frame: thing.flow.frame, velocity });
-            }
-            let mut shapes = Shape::of(&set.attributes[first..]);
-            for (shape, i) in shapes.iter_mut().zip(first..) {
-                shape.move_as(set.times[i], set.velocities[i]);
-            }
-            inputs
-                .par_iter()
-                .zip(coverages.par_iter_mut())
-                .for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
-        }
-    }
+/// What is behind the pixels of the input views, and which of them Gaussians cover.
+struct Backdrop<'a> {
+    /// From the middle frame outwards.
+    views: Vec<&'a View>,
+    /// `[views]`
+    sheets: Vec<Sheet>,
+    /// `[views]`
+    coverages: Vec<Coverage>,
 }
 
-/// Appends Gaussians for all uncovered pixels of a known depth.
-fn add_pixels(
-    set: &mut GaussianSet,
-    inputs: &[&View],
-    (sheets, coverages): (&[Sheet], &mut [Coverage]),
-    coarseness: Coarseness,
-) {
-    for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
-        for k in 0..inputs.len() {
-            let sources: Vec<&View> = depth::sources(inputs, k).into_iter().map(|j| inputs[j]).collect();
-            let rows = emit::rows(inputs[k], &sheets[k], (&coverages[k], trust), &sources, coarseness);
-            let shapes = Shape::of(&rows);
-            inputs.par_iter().zip(&mut *coverages).for_each(|(view, coverage)| coverage.add(&view.pinhole, &shapes));
-            append(set, inputs[k], rows);
+impl<'a> Backdrop<'a> {
+    /// Appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
+    fn add_moving(
+        &mut self,
+        set: &mut GaussianSet,
+        still: &PointCloud,
+        things: &[moving::Thing],
+        coarseness: Coarseness,
+    ) {
+        let velocities = vec![[0.0; 3]; still.len()];
+        for k in 0..self.views.len() {
+            let view = self.views[k];
+            let standing = samples_at(still, &velocities, view);
+            let sources = self.sources(k);
+            for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
+                let own = moving::sheet(view, &mut self.sheets[k], &standing, thing, things, &sources);
+                let Some(own) = own else { continue };
+                let rows = emit::rows(view, &own, &self.coverages[k], Trust::Alone, &[], coarseness);
+                let first = set.len();
+                for attributes in rows {
+                    let mean = mean_of(&attributes);
+                    let time = view.pinhole.exposed_at(mean);
+                    let velocity = thing.velocity_of(mean, time - thing.time);
+                    set.push(Gaussian { attributes, time, frame: thing.flow.frame, velocity });
+                }
+                let mut shapes = Shape::of(&set.attributes[first..]);
+                for (shape, i) in shapes.iter_mut().zip(first..) {
+                    shape.move_as(set.times[i], set.velocities[i]);
+                }
+                self.cover(&shapes);
+            }
         }
+    }
+
+    /// Appends Gaussians for all uncovered pixels of a known depth.
+    fn add_pixels(&mut self, set: &mut GaussianSet, coarseness: Coarseness) {
+        for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
+            for k in 0..self.views.len() {
+                let view = self.views[k];
+                let rows = emit::rows(view, &self.sheets[k], &self.coverages[k], trust, &self.sources(k), coarseness);
+                self.cover(&Shape::of(&rows));
+                append(set, view, rows);
+            }
+        }
+    }
+
+    /// Appends Gaussians for the own vehicle as the first view of each camera shows it, which move with the camera.
+    fn add_own_vehicle(&self, set: &mut GaussianSet, coarseness: Coarseness) {
+        for (k, &view) in self.views.iter().enumerate() {
+            let first = !self.views[..k].iter().any(|other| other.camera == view.camera);
+            let Some(other) = self.sources(k).first().copied().filter(|_| first) else { continue };
+            let nothing = Coverage::new(&view.pinhole);
+            let rows = emit::rows(view, &self.sheets[k], &nothing, Trust::OwnVehicle, &[], coarseness);
+            let velocity = velocity(&view.pinhole, &other.pinhole);
+            for attributes in rows {
+                let time = view.pinhole.exposed_at(mean_of(&attributes));
+                set.push(Gaussian { attributes, time, frame: frame_of(view), velocity });
+            }
+        }
+    }
+
+    /// The views that the one at `k` is compared with.
+    fn sources(&self, k: usize) -> Vec<&'a View> {
+        depth::sources(&self.views, k).into_iter().map(|j| self.views[j]).collect()
+    }
+
+    fn cover(&mut self, shapes: &[Shape]) {
+        let views = self.views.par_iter().zip(&mut self.coverages);
+        views.for_each(|(view, coverage)| coverage.add(&view.pinhole, shapes));
     }
 }
 

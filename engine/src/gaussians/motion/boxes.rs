@@ -30,7 +30,7 @@ pub struct MovingBox {
 }
 
 /// What moves, as tracked boxes say: from the input frame before to the one after, or to the only one there is.
-pub fn boxed(cloud: &PointCloud, boxes: &[MovingBox]) -> Movement {
+pub(crate) fn boxed(cloud: &PointCloud, boxes: &[MovingBox]) -> Movement {
     let mut movement = Movement::none(cloud.len());
     let flows: Vec<(&MovingBox, Flow)> = boxes.iter().filter_map(|own| Some((own, flow(own, boxes)?))).collect();
     let inside: Vec<Vec<usize>> = flows

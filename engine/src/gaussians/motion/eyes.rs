@@ -36,11 +36,11 @@ impl<'a> Eyes<'a> {
             others.truncate(MOST);
             others
         };
-        let of = |&frame: &u32| {
+        let frame_views = |&frame: &u32| {
             let own = inputs().filter(|view| u32::try_from(view.frame) == Ok(frame));
             own.map(|view| Own { view, others: others(view) }).collect()
         };
-        Self { own: frames.iter().map(of).collect() }
+        Self { own: frames.iter().map(frame_views).collect() }
     }
 
     /// How much the colours of a point of a sweep differ, were it to move so: 0 (not at all, or nobody knows) to 1.

@@ -108,7 +108,7 @@ fn insert(lowest: &mut [f32; KEPT], value: f32) {
 /// The heights of cells, unknown where they are far below those around: mirrors and wet roads show things under the ground.
 fn without_pits(grid: &Grid, heights: &[f32]) -> Vec<f32> {
     let mut around = Vec::new();
-    let of = |(cell, &own): (usize, &f32)| {
+    let raised = |(cell, &own): (usize, &f32)| {
         if own == f32::INFINITY {
             return own;
         }
@@ -121,7 +121,7 @@ fn without_pits(grid: &Grid, heights: &[f32]) -> Vec<f32> {
         around.sort_by(f32::total_cmp);
         if own < around[around.len() / 4] - PIT { f32::INFINITY } else { own }
     };
-    heights.iter().enumerate().map(of).collect()
+    heights.iter().enumerate().map(raised).collect()
 }
 
 /// The heights of all cells, those that are `wanted` lowered to what cells at most `reach` columns and rows away allow.
@@ -132,7 +132,7 @@ fn cones(grid: &Grid, heights: &[f32], reach: usize, wanted: impl Fn(f32) -> boo
     };
     let side = reach + 1;
     let rises: Vec<f32> = (0..side * side).map(|at| rise(at % side, at / side)).collect();
-    let of = |(cell, &own): (usize, &f32)| {
+    let lowered = |(cell, &own): (usize, &f32)| {
         if !wanted(own) {
             return own;
         }
@@ -146,7 +146,7 @@ fn cones(grid: &Grid, heights: &[f32], reach: usize, wanted: impl Fn(f32) -> boo
         }
         lowest
     };
-    heights.iter().enumerate().map(of).collect()
+    heights.iter().enumerate().map(lowered).collect()
 }
 
 #[cfg(test)]

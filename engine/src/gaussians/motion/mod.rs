@@ -8,13 +8,13 @@ mod boxes;
 mod eyes;
 mod grid;
 mod ground;
-mod judge;
 mod masks;
 mod movers;
 mod own_vehicle;
 mod rays;
 mod region;
 mod rigid;
+mod score;
 mod search;
 mod sites;
 mod spread;
@@ -22,7 +22,8 @@ mod sweeps;
 #[cfg(test)]
 mod tests;
 
-pub use self::boxes::{MovingBox, boxed};
+pub use self::boxes::MovingBox;
+pub(crate) use self::boxes::boxed;
 use serde::{Deserialize, Serialize};
 
 use crate::{points::PointCloud, views::View, words::Words};
@@ -129,7 +130,7 @@ pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
     let sweeps = sweeps::prepare(cloud, &runs);
     let frames: Vec<u32> = runs.iter().map(|run| cloud.frames[run.start]).collect();
     let eyes = eyes::Eyes::of(views, &frames, STEADY);
-    let movers = movers::movers(&judge::Judge { sweeps: &sweeps, eyes: &eyes });
+    let movers = movers::movers(&score::Scorer { sweeps: &sweeps, eyes: &eyes });
     let own = own_vehicle::own(cloud, &runs, &sweeps);
     for (index, run) in runs.iter().enumerate() {
         let of_return = spread::spread(&cloud.positions[run.clone()], &sweeps[index], &movers, index);

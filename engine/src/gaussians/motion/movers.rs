@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::{
-    judge::{Care, Judge},
     region::{Region, grow},
     rigid::{Rigid, refined},
+    score::{Matching, Scorer},
     search::{AROUND, FASTEST, candidates, climb, seeds, some_of},
     sweeps::{Other, Sweep},
 };
@@ -54,7 +54,7 @@ struct Guess {
 
 /// What is looked for, and what is left.
 struct Search<'a> {
-    judge: &'a Judge<'a>,
+    scorer: &'a Scorer<'a>,
     /// `[sweeps][sites]` scores of standing still.
     zero: Vec<Vec<f32>>,
     /// `[sweeps][sites]` which of them are of nothing that moves yet.
@@ -62,14 +62,14 @@ struct Search<'a> {
 }
 
 /// What moves in these sweeps.
-pub(super) fn movers(judge: &Judge<'_>) -> Vec<Mover> {
-    let sweeps = judge.sweeps;
+pub(super) fn movers(scorer: &Scorer<'_>) -> Vec<Mover> {
+    let sweeps = scorer.sweeps;
     let still = |sweep: usize| {
-        let of = |site: usize| judge.score(sweep, site, [0.0; 2], Care::FINE);
-        (0..sweeps[sweep].sites.len()).into_par_iter().map(of).collect()
+        let site_score = |site: usize| scorer.score(sweep, site, [0.0; 2], Matching::FINE);
+        (0..sweeps[sweep].sites.len()).into_par_iter().map(site_score).collect()
     };
     let mut search = Search {
-        judge,
+        scorer,
         zero: (0..sweeps.len()).map(still).collect(),
         free: sweeps.iter().map(|sweep| vec![true; sweep.sites.len()]).collect(),
     };
@@ -105,19 +105,19 @@ impl Search<'_> {
     }
 
     fn grown(&self, sweep: usize, velocity: [f32; 2], seeds: &[usize]) -> Region {
-        grow(self.judge, &self.zero[sweep], sweep, velocity, seeds, &self.free[sweep])
+        grow(self.scorer, &self.zero[sweep], sweep, velocity, seeds, &self.free[sweep])
     }
 
     /// The velocity of a seed by which most around it is explained better than by standing still.
     fn guess(&self, sweep: usize, seed: &[usize]) -> Option<Guess> {
-        let of = |velocity: [f32; 2]| Guess { sweep, velocity, region: self.grown(sweep, velocity, seed) };
+        let grown = |velocity: [f32; 2]| Guess { sweep, velocity, region: self.grown(sweep, velocity, seed) };
         let better = |a: Guess, b: Guess| if b.region.gain > a.region.gain { b } else { a };
-        candidates(self.judge, sweep, seed).into_iter().map(of).reduce(better).filter(|guess| guess.region.sure > 0)
+        candidates(self.scorer, sweep, seed).into_iter().map(grown).reduce(better).filter(|guess| guess.region.sure > 0)
     }
 
     /// The thing in all sweeps, with the motions that explain it best; `None` where it may as well stand still.
     fn follow(&self, guess: &Guess) -> Option<Mover> {
-        let (judge, sweeps) = (self.judge, self.judge.sweeps);
+        let (scorer, sweeps) = (self.scorer, self.scorer.sweeps);
         let own = &sweeps[guess.sweep];
         let last = own.others.iter().map(|other| other.seconds.abs()).fold(0.0, f32::max);
         let mut velocity = guess.velocity;
@@ -138,14 +138,15 @@ impl Search<'_> {
             }
             let some: Vec<(usize, Vec<usize>)> =
                 regions.iter().map(|region| some_of(&region.sites, MAX_SITES)).enumerate().collect();
-            let total = |v: [f32; 2]| some.iter().map(|(sweep, sites)| judge.total(*sweep, sites, v, Care::FINE)).sum();
+            let total =
+                |v: [f32; 2]| some.iter().map(|(sweep, sites)| scorer.total(*sweep, sites, v, Matching::FINE)).sum();
             velocity = climb(velocity, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, total);
             regions[guess.sweep] = self.grown(guess.sweep, velocity, &regions[guess.sweep].sites);
         }
         let speed = velocity[0].hypot(velocity[1]);
         let moves = (MOVED / last..=FASTEST).contains(&speed) && self.convinces(&regions, velocity, &own.others);
         let part = |(sweep, Region { sites, .. }): (usize, Region)| {
-            let rigid = refined(judge, sweep, &sites, velocity);
+            let rigid = refined(scorer, sweep, &sites, velocity);
             (sites, rigid)
         };
         moves.then(|| Mover { parts: regions.into_par_iter().enumerate().map(part).collect() })
@@ -165,7 +166,7 @@ impl Search<'_> {
         let seen = regions.iter().filter(|region| region.sure as f64 >= again * most).count();
         let doubtful = sure <= DOUBTFUL.0 || gain <= DOUBTFUL.1 * sure as f64;
         let wanted = if doubtful { others.len().min(2) + 1 } else { 2 };
-        let lost = sites().map(|(sweep, site)| self.judge.lost(sweep, site, velocity));
+        let lost = sites().map(|(sweep, site)| self.scorer.lost(sweep, site, velocity));
         let [through, known] = lost.fold([0, 0], |a, b| [a[0] + b[0], a[1] + b[1]]);
         seen >= wanted
             && sure as f64 >= SURE.1 as f64 + FARTHER * f64::from(moved)

@@ -40,7 +40,7 @@ pub(super) fn own(cloud: &PointCloud, runs: &[std::ops::Range<usize>], sweeps: &
     let grid = Grid::around([0.0; 3], REACH, CELL);
     let buckets: Vec<Buckets> =
         all.iter().map(|returns| Buckets::of(grid, returns.iter().map(|&(_, place)| place))).collect();
-    let of = |index: usize| {
+    let labels = |index: usize| {
         let sweep = &sweeps[index];
         let way = |other: usize| [0, 1].map(|k| sweeps[other].origin[k] - sweep.origin[k]);
         let driven = |[x, y]: [f32; 2]| x.hypot(y) >= DRIVEN;
@@ -60,5 +60,5 @@ pub(super) fn own(cloud: &PointCloud, runs: &[std::ops::Range<usize>], sweeps: &
             velocity: way(first).map(|way| way / seconds),
         }
     };
-    (0..sweeps.len()).map(of).collect()
+    (0..sweeps.len()).map(labels).collect()
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
-use super::judge::{Care, Judge};
+use super::score::{Matching, Scorer};
 
 /// Gain from which on a site surely moves, and down to which it may belong to what moves around it.
 const GAIN: [f32; 2] = [0.25, -0.35];
@@ -30,7 +30,7 @@ pub(super) struct Region {
 
 /// What grows.
 struct Growth<'a> {
-    judge: &'a Judge<'a>,
+    scorer: &'a Scorer<'a>,
     /// `[sites]` scores of standing still.
     zero: &'a [f32],
     from: usize,
@@ -40,13 +40,13 @@ struct Growth<'a> {
 
 impl Growth<'_> {
     fn gain(&mut self, site: usize) -> f32 {
-        let (judge, from, velocity, zero) = (self.judge, self.from, self.velocity, self.zero);
-        *self.gains.entry(site).or_insert_with(|| judge.score(from, site, velocity, Care::FINE) - zero[site])
+        let (scorer, from, velocity, zero) = (self.scorer, self.from, self.velocity, self.zero);
+        *self.gains.entry(site).or_insert_with(|| scorer.score(from, site, velocity, Matching::FINE) - zero[site])
     }
 
     /// Along the velocity and across it, metres.
     fn axes(&self, site: usize) -> [f32; 2] {
-        let [x, y, _] = self.judge.sweeps[self.from].sites.sites[site].mean;
+        let [x, y, _] = self.scorer.sweeps[self.from].sites.sites[site].mean;
         let [a, b] = self.velocity;
         let speed = a.hypot(b).max(1e-6);
         [(x * a + y * b) / speed, (y * a - x * b) / speed]
@@ -54,7 +54,7 @@ impl Growth<'_> {
 
     /// The sites around one.
     fn around(&self, site: usize, link: f32) -> Vec<usize> {
-        let sites = &self.judge.sweeps[self.from].sites;
+        let sites = &self.scorer.sweeps[self.from].sites;
         let here = &sites.sites[site];
         let reach = link + LINK[2] * here.range;
         let near = |&(_, [x, y, z]): &(u32, [f32; 3])| {
@@ -106,14 +106,14 @@ impl Ends {
 /// # Shapes
 /// `zero` `[sites]` scores of standing still; `free` `[sites]` whether a site may be taken.
 pub(super) fn grow(
-    judge: &Judge<'_>,
+    scorer: &Scorer<'_>,
     zero: &[f32],
     from: usize,
     velocity: [f32; 2],
     seeds: &[usize],
     free: &[bool],
 ) -> Region {
-    let mut growth = Growth { judge, zero, from, velocity, gains: HashMap::new() };
+    let mut growth = Growth { scorer, zero, from, velocity, gains: HashMap::new() };
     let starts: Vec<usize> = seeds.iter().copied().filter(|&site| free[site] && growth.gain(site) >= GAIN[0]).collect();
     let Some(&first) = starts.get(starts.len() / 2) else { return Region::default() };
     let mut ends = Ends::NONE.with(growth.axes(first));

@@ -1,7 +1,7 @@
 //! How a thing moves at the moment of one sweep: with its own velocity there, and a turn about the vertical where that explains more.
 
 use super::{
-    judge::{Care, Judge},
+    score::{Matching, Scorer},
     search::{AROUND, climb, some_of},
     sweeps::Sweep,
 };
@@ -44,22 +44,22 @@ impl Rigid {
 }
 
 /// The motion of some sites of sweep `from` that explains best what the sweeps next to it and the images see.
-pub(super) fn refined(judge: &Judge<'_>, from: usize, sites: &[usize], velocity: [f32; 2]) -> Rigid {
-    let own = &judge.sweeps[from];
+pub(super) fn refined(scorer: &Scorer<'_>, from: usize, sites: &[usize], velocity: [f32; 2]) -> Rigid {
+    let own = &scorer.sweeps[from];
     let middle = middle(own, sites);
     let Some(nearest) = own.others.first().map(|other| other.seconds.abs()) else {
         return Rigid { velocity, turn: 0.0, middle };
     };
     let near = own.others.iter().take_while(|other| other.seconds.abs() <= (NEAR.0 * nearest).max(NEAR.1)).count();
     let some = some_of(sites, MAX_SITES);
-    let care = Care { others: near, ..Care::FINE };
+    let matching = Matching { others: near, ..Matching::FINE };
     let total = |velocity: [f32; 2], turn: f32| -> f64 {
         let rigid = Rigid { velocity, turn, middle };
-        let of = |&site: &usize| {
+        let site_score = |&site: &usize| {
             let [x, y, _] = own.sites.sites[site].mean;
-            f64::from(judge.score(from, site, rigid.at(x, y), care))
+            f64::from(scorer.score(from, site, rigid.at(x, y), matching))
         };
-        if turn.abs() > FASTEST { f64::NEG_INFINITY } else { some.iter().map(of).sum() }
+        if turn.abs() > FASTEST { f64::NEG_INFINITY } else { some.iter().map(site_score).sum() }
     };
     let (first, last) = (STEPS[0] / nearest, STEPS[1] / STEPS[0]);
     let straight = climb(velocity, [first; 2], last, &AROUND, |v| total(v, 0.0));

@@ -3,7 +3,7 @@
 use lgs_formats::casts::whole;
 
 use super::{
-    judge::{Care, Judge},
+    score::{Matching, Scorer},
     sites::Sites,
     sweeps::{Still, Sweep},
 };
@@ -57,24 +57,24 @@ pub(super) fn some_of(sites: &[usize], most: usize) -> Vec<usize> {
 }
 
 /// Velocities that may explain the sites of sweep `from`, were they to move, best first.
-pub(super) fn candidates(judge: &Judge<'_>, from: usize, sites: &[usize]) -> Vec<[f32; 2]> {
+pub(super) fn candidates(scorer: &Scorer<'_>, from: usize, sites: &[usize]) -> Vec<[f32; 2]> {
     let sites = some_of(sites, MAX_SITES);
-    let others = &judge.sweeps[from].others;
+    let others = &scorer.sweeps[from].others;
     let longest = |count: usize| others.iter().take(count).map(|other| other.seconds.abs()).fold(0.0, f32::max);
     let (seconds, last) = (longest(2), longest(usize::MAX));
     if seconds <= 0.0 {
         return Vec::new();
     }
     let mut starts = coarse(STRIDE / seconds, LANDS * (sites.len() * others.len().min(2)) as f64, |v| {
-        lands(judge.sweeps, from, &sites, v)
+        lands(scorer.sweeps, from, &sites, v)
     });
     starts.truncate(NUM_FOLLOWED);
     let follow = |start: [f32; 2]| {
-        let rough = |v| judge.total(from, &sites, v, Care::ROUGH);
+        let rough = |v| scorer.total(from, &sites, v, Matching::ROUGH);
         let near = climb(start, [0.5 * STRIDE / seconds; 2], 0.8, &AROUND, rough);
-        let fine = |v| judge.total(from, &sites, v, Care::FINE);
+        let fine = |v| scorer.total(from, &sites, v, Matching::FINE);
         let near = climb(near, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, fine);
-        (near, judge.total(from, &sites, near, Care::FINE))
+        (near, scorer.total(from, &sites, near, Matching::FINE))
     };
     let mut found: Vec<([f32; 2], f64)> = starts.into_iter().map(follow).collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -114,8 +114,8 @@ fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2
     let side = 2 * reach + 1;
     let velocity = |at: usize| [at % side, at / side].map(|k| (k as f32 - reach as f32) * step);
     let possible = |[x, y]: [f32; 2]| x * x + y * y <= FASTEST * FASTEST;
-    let of = |at: usize| if possible(velocity(at)) { value(velocity(at)) } else { 0.0 };
-    let values: Vec<f64> = (0..side * side).map(of).collect();
+    let value_at = |at: usize| if possible(velocity(at)) { value(velocity(at)) } else { 0.0 };
+    let values: Vec<f64> = (0..side * side).map(value_at).collect();
     let neighbours = |at: usize| {
         let (x, y) = (at % side, at / side);
         let rows = y.saturating_sub(1)..(y + 2).min(side);

@@ -27,7 +27,7 @@ pub(super) fn spread(points: &[[f32; 3]], sweep: &Sweep, movers: &[Mover], index
     if footprints.is_empty() {
         return vec![None; points.len()];
     }
-    let of = |(&point, &site): (&[f32; 3], &u32)| {
+    let label_of = |(&point, &site): (&[f32; 3], &u32)| {
         if site != NONE {
             return of_site[site as usize];
         }
@@ -35,7 +35,7 @@ pub(super) fn spread(points: &[[f32; 3]], sweep: &Sweep, movers: &[Mover], index
         let under = || footprints.iter().find(|(_, footprint)| footprint.holds(point)).map(|(label, _)| *label);
         if low { under() } else { None }
     };
-    points.iter().zip(&sweep.sites.of_return).map(of).collect()
+    points.iter().zip(&sweep.sites.of_return).map(label_of).collect()
 }
 
 /// A rectangle on the ground, its sides along and across a direction.

@@ -79,8 +79,8 @@ impl Sweep {
 /// `runs` `[S]` ranges of the cloud's points.
 pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Vec<Sweep> {
     let origin = |run: &std::ops::Range<usize>| {
-        let of = |k: usize| cloud.origins[run.clone()].iter().map(|origin| f64::from(origin[k])).sum::<f64>();
-        [0, 1, 2].map(|k| lgs_formats::casts::to_f32(of(k) / run.len().max(1) as f64))
+        let sum = |k: usize| cloud.origins[run.clone()].iter().map(|origin| f64::from(origin[k])).sum::<f64>();
+        [0, 1, 2].map(|k| lgs_formats::casts::to_f32(sum(k) / run.len().max(1) as f64))
     };
     let origins: Vec<[f32; 3]> = runs.iter().map(origin).collect();
     let mean = |run: &std::ops::Range<usize>| {
@@ -91,7 +91,7 @@ pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Ve
     let points = |index: usize| &cloud.positions[runs[index].clone()];
     let lowest: Vec<Lowest> =
         (0..runs.len()).into_par_iter().map(|index| Lowest::of(points(index), origins[index], REACH)).collect();
-    let of = |index: usize| {
+    let prepared = |index: usize| {
         let (others, origin) = (others(&times, index), origins[index]);
         let ground = Ground::of(&lowest[index], others.iter().map(|other| &lowest[other.sweep]));
         let sites = Sites::of(points(index), &cloud.times[runs[index].clone()], origin, &ground);
@@ -99,7 +99,7 @@ pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Ve
         let all = Mask::of(&sites.sites, origin, |_| true);
         Sweep { masks: [all.clone(), all], still: Vec::new(), origin, time: times[index], rays, sites, others, ground }
     };
-    let mut sweeps: Vec<Sweep> = (0..runs.len()).into_par_iter().map(of).collect();
+    let mut sweeps: Vec<Sweep> = (0..runs.len()).into_par_iter().map(prepared).collect();
     let still: Vec<Vec<Still>> = (0..sweeps.len())
         .into_par_iter()
         .map(|sweep| (0..sweeps[sweep].sites.len()).into_par_iter().map(|site| still(&sweeps, sweep, site)).collect())
@@ -130,8 +130,9 @@ fn still(sweeps: &[Sweep], from: usize, site: usize) -> Still {
 /// The sweeps that one is compared with, nearest in time first: on either side the nearest, the farthest over which velocities count as
 /// constant, and one between them.
 fn others(times: &[f32], index: usize) -> Vec<Other> {
-    let of = |sweep: usize| Other { sweep, seconds: times[sweep] - times[index] };
-    let mut apart: Vec<Other> = (0..times.len()).map(of).filter(|other| other.seconds.abs() >= SAME_MOMENT).collect();
+    let offset = |sweep: usize| Other { sweep, seconds: times[sweep] - times[index] };
+    let mut apart: Vec<Other> =
+        (0..times.len()).map(offset).filter(|other| other.seconds.abs() >= SAME_MOMENT).collect();
     apart.sort_by(|a, b| a.seconds.abs().total_cmp(&b.seconds.abs()));
     let mut chosen = Vec::new();
     for later in [false, true] {

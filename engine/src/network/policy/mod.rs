@@ -135,13 +135,19 @@ impl Policy {
                 x = down.forward(&x, geometry.stages[s - 1].parents()?, train)?;
                 trace.note(&format!("enc{s}.down"), &x)?;
             }
-            x = run((blocks, &self.plan.encoder[s]), (x, None), stage, &format!("enc{s}"), &mut trace)?;
+            x = StageBlocks { name: &format!("enc{s}"), blocks, curves: &self.plan.encoder[s] }
+                .run(x, None, stage, &mut trace)?;
         }
         for (s, ((up, blocks), stage)) in self.decoder.iter().zip(&geometry.stages).enumerate().rev() {
             let Some(skip) = skips.pop() else { continue };
             let [fine, coarse] = up.forward(&x, &skip, train)?;
             drop(skip);
-            x = run((blocks, &self.plan.decoder[s]), (fine, Some(coarse)), stage, &format!("dec{s}"), &mut trace)?;
+            x = StageBlocks { name: &format!("dec{s}"), blocks, curves: &self.plan.decoder[s] }.run(
+                fine,
+                Some(coarse),
+                stage,
+                &mut trace,
+            )?;
         }
         Ok(x)
     }
@@ -176,28 +182,32 @@ impl Policy {
     }
 }
 
-/// Runs the blocks of a stage. `coarse` is added to its children's rows behind the first convolution: so the reference has it.
-fn run(
-    (blocks, curves): (&[Block], &[usize]),
-    (mut x, mut coarse): (Tensor, Option<Tensor>),
-    stage: &Stage,
-    name: &str,
-    trace: &mut Trace<'_>,
-) -> Result<Tensor> {
-    let mut add_coarse = |x: Tensor| match coarse.take() {
-        Some(coarse) => add_gathered(x, &coarse, stage.parents()?),
-        None => Ok(x),
-    };
-    for (i, (block, &curve)) in blocks.iter().zip(curves).enumerate() {
-        trace.path = format!("{name}.block{i}.");
-        let position = block.encode(&x, &stage.conv)?;
+/// The blocks of a stage of the encoder or decoder.
+struct StageBlocks<'a> {
+    name: &'a str,
+    blocks: &'a [Block],
+    /// Which of the stage's curves each block runs along.
+    curves: &'a [usize],
+}
+
+impl StageBlocks<'_> {
+    /// The features behind the stage. `coarse` is added to its children's rows behind the first convolution: so the reference has it.
+    fn run(&self, mut x: Tensor, mut coarse: Option<Tensor>, stage: &Stage, trace: &mut Trace<'_>) -> Result<Tensor> {
+        let mut add_coarse = |x: Tensor| match coarse.take() {
+            Some(coarse) => add_gathered(x, &coarse, stage.parents()?),
+            None => Ok(x),
+        };
+        for (i, (block, &curve)) in self.blocks.iter().zip(self.curves).enumerate() {
+            trace.path = format!("{}.block{i}.", self.name);
+            let position = block.encode(&x, &stage.conv)?;
+            x = add_coarse(x)?;
+            x = block.finish(&x, position, stage.along(curve)?, trace)?;
+            trace.path = format!("{}.", self.name);
+            trace.note(&format!("block{i}"), &x)?;
+        }
         x = add_coarse(x)?;
-        x = block.finish(&x, position, stage.along(curve)?, trace)?;
-        trace.path = format!("{name}.");
-        trace.note(&format!("block{i}"), &x)?;
+        trace.path.clear();
+        trace.note(self.name, &x)?;
+        Ok(x)
     }
-    x = add_coarse(x)?;
-    trace.path.clear();
-    trace.note(name, &x)?;
-    Ok(x)
 }

@@ -73,13 +73,13 @@ impl PatchGradient<'_> {
 
         weights.resize(num_queries * num_keys, 0.0);
         packed.fill(width, num_keys, |d, key| qkv[key * stride + channels + column + d]);
-        product(simd, queries, packed, (weights, num_keys), Store::Replace);
+        product(simd, queries, packed, weights, num_keys, Store::Replace);
         softmax(simd, weights, num_keys, self.heads.log2_scale());
 
         // v_scores = weights * (v_out V^T - its mean under the weights) / sqrt(width)
         v_scores.resize(num_queries * num_keys, 0.0);
         packed.fill(width, num_keys, |d, key| qkv[key * stride + 2 * channels + column + d]);
-        product(simd, by_out, packed, (v_scores, num_keys), Store::Replace);
+        product(simd, by_out, packed, v_scores, num_keys, Store::Replace);
         let scale = self.heads.scale();
         for (weights, v) in weights.chunks_exact(num_keys).zip(v_scores.chunks_exact_mut(num_keys)) {
             let mean: f32 = weights.iter().zip(v.iter()).map(|(w, v)| w * v).sum();
@@ -89,19 +89,19 @@ impl PatchGradient<'_> {
         // v_queries = v_scores K
         packed.fill(num_keys, width, |key, d| qkv[key * stride + channels + column + d]);
         let out = &mut self.v_qkv[self.first_query * stride + column..];
-        product(simd, row(v_scores, num_keys, num_queries), packed, (out, stride), Store::Add);
+        product(simd, row(v_scores, num_keys, num_queries), packed, out, stride, Store::Add);
 
         // v_keys = v_scores^T Q
         transpose(v_scores, num_keys, transposed);
         packed.fill(num_queries, width, |query, d| qkv[(self.first_query + query) * stride + column + d]);
         let out = &mut self.v_qkv[channels + column..];
-        product(simd, row(transposed, num_queries, num_keys), packed, (out, stride), Store::Add);
+        product(simd, row(transposed, num_queries, num_keys), packed, out, stride, Store::Add);
 
         // v_values = weights^T v_out
         transpose(weights, num_keys, transposed);
         packed.fill(num_queries, width, |query, d| v_out[query * channels + column + d]);
         let out = &mut self.v_qkv[2 * channels + column..];
-        product(simd, row(transposed, num_queries, num_keys), packed, (out, stride), Store::Add);
+        product(simd, row(transposed, num_queries, num_keys), packed, out, stride, Store::Add);
     }
 }
 
@@ -110,7 +110,7 @@ fn row(values: &[f32], stride: usize, count: usize) -> Rows<'_> {
 }
 
 #[inline(always)]
-fn product<S: Simd>(simd: S, rows: Rows<'_>, packed: &Packed, (out, out_stride): (&mut [f32], usize), store: Store) {
+fn product<S: Simd>(simd: S, rows: Rows<'_>, packed: &Packed, out: &mut [f32], out_stride: usize, store: Store) {
     simd.vectorize(Product { rows, packed, bias: &[], out, out_stride, store });
 }
 

@@ -41,7 +41,7 @@ impl Layer {
     ///
     /// # Errors
     /// When a shape or dtype does not fit.
-    pub fn add_to(self: &Arc<Self>, onto: Tensor, x: &Tensor) -> Result<Tensor> {
+    pub(crate) fn add_to(self: &Arc<Self>, onto: Tensor, x: &Tensor) -> Result<Tensor> {
         let expected = [self.check(x)?, self.weights.columns()];
         if onto.dims() != expected {
             candle_core::bail!("packed linear: expected a sum {expected:?}, found {:?}", onto.dims());
@@ -79,7 +79,7 @@ impl CustomOp1 for PackedLinear {
         let (x, Layer { weights, bias }) = (slice(x, layout)?, &*self.0);
         let rows = x.len() / weights.depth();
         let mut out = vec![0.0_f32; rows * weights.columns()];
-        multiply(x, (weights, bias), Store::Replace, &mut out);
+        multiply(x, weights, bias, Store::Replace, &mut out);
         Ok((CpuStorage::F32(out), Shape::from((rows, weights.columns()))))
     }
 }
@@ -91,7 +91,7 @@ impl InplaceOp2 for PackedLinear {
 
     fn cpu_fwd(&self, onto: &mut CpuStorage, onto_layout: &Layout, x: &CpuStorage, x_layout: &Layout) -> Result<()> {
         let Layer { weights, bias } = &*self.0;
-        multiply(slice(x, x_layout)?, (weights, bias), Store::Add, slice_mut(onto, onto_layout)?);
+        multiply(slice(x, x_layout)?, weights, bias, Store::Add, slice_mut(onto, onto_layout)?);
         Ok(())
     }
 }

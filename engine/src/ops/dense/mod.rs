@@ -62,11 +62,11 @@ fn checked(weight: &Tensor, bias: &Tensor) -> Result<(usize, usize)> {
 /// # Shapes
 /// `x` `[N, packed.depth()]`, `bias` `[packed.columns()]` or empty, `out` `[N, packed.columns()]`; lengths are checked by the callers.
 pub fn multiply_into(x: &[f32], packed: &Packed, bias: &[f32], out: &mut [f32]) {
-    multiply(x, (packed, bias), Store::Replace, out);
+    multiply(x, packed, bias, Store::Replace, out);
 }
 
 /// As [`multiply_into`], the product in place of what `out` held or added to it.
-fn multiply(x: &[f32], (packed, bias): (&Packed, &[f32]), store: Store, out: &mut [f32]) {
+fn multiply(x: &[f32], packed: &Packed, bias: &[f32], store: Store, out: &mut [f32]) {
     let (depth, columns) = (packed.depth(), packed.columns());
     if columns == 0 {
         return;

@@ -9,7 +9,8 @@ pub mod reference;
 mod space;
 mod tree;
 
-pub use space::{Near, Space, nearest_in_space};
+pub(crate) use space::nearest_in_space;
+pub use space::{Near, Space};
 
 use crate::error::{EngineError, Result};
 
@@ -39,7 +40,7 @@ impl Neighbours {
 /// `points` `[N, 3]` f32, any unit; `time_index` `[N]`, equal for points of one frame; result `[N, k]`.
 ///
 /// # Formula
-/// The first `k` indices `j` with `time_index[j] != time_index[i]` in ascending order of ([`squared_distance`]`(i, j)`, `j`).
+/// The first `k` indices `j` with `time_index[j] != time_index[i]` in ascending order of (`squared_distance(i, j)`, `j`).
 ///
 /// # Source
 /// Cross-Time Point Query of Learning Gaussian Structure.
@@ -57,7 +58,7 @@ pub fn nearest_other_time(points: &[[f32; 3]], time_index: &[u32], k: usize) -> 
 /// `points` `[N, 3]` f32, any unit; `queries` `[M]` indices below N; result `[M, k]`.
 ///
 /// # Formula
-/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of ([`squared_distance`]`(i, j)`, `j`): exact, ties by
+/// Row m holds the first `k` indices `j != i` for `i = queries[m]` in ascending order of (`squared_distance(i, j)`, `j`): exact, ties by
 /// index at every place.
 ///
 /// # Errors
@@ -88,7 +89,7 @@ pub fn nearest_other_time_of(points: &[[f32; 3]], time_index: &[u32], queries: &
 
 /// Squared distance in f64 of f32 coordinates, summed in the order x, y, z.
 #[inline(always)]
-pub fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
+pub(crate) fn squared_distance(a: &[f32; 3], b: &[f32; 3]) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|c| f64::from(a[c]) - f64::from(b[c]));
     (x * x + y * y) + z * z
 }

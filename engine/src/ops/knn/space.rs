@@ -62,7 +62,7 @@ impl Space {
 ///
 /// # Errors
 /// Those of [`nearest_of`].
-pub fn nearest_in_space(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Vec<Vec<Near>>> {
+pub(crate) fn nearest_in_space(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Vec<Vec<Near>>> {
     let found = nearest_of(points, queries, k)?;
     let near = |(row, &query): (usize, &u32)| {
         let squared = |&index: &u32| squared_distance(&points[query as usize], &points[index as usize]);

@@ -21,7 +21,7 @@ use crate::ops::tensors::{slice, with_values};
 ///
 /// # Errors
 /// When the number of segments or rows does not fit.
-pub fn gather_gated(x: &Tensor, inputs: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
+pub(crate) fn gather_gated(x: &Tensor, inputs: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
     let ((num_segments, width), (rows, num_inputs)) = (x.dims2()?, inputs.dims2()?);
     let expected = (segments.num_segments(), segments.num_rows());
     if (num_segments, rows) != expected {

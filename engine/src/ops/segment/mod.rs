@@ -9,8 +9,8 @@ use std::sync::Arc;
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
 use rayon::prelude::*;
 
-pub use gate::gather_gated;
-pub use sum::add_gathered;
+pub(crate) use gate::gather_gated;
+pub(crate) use sum::add_gathered;
 
 use super::tensors::{slice, with_values};
 
@@ -60,7 +60,7 @@ impl Segments {
     }
 
     /// Number of segments, M.
-    pub fn num_segments(&self) -> usize {
+    pub(crate) fn num_segments(&self) -> usize {
         self.first_member.len() - 1
     }
 
@@ -85,7 +85,7 @@ impl Segments {
 ///
 /// # Errors
 /// When the number of rows does not fit.
-pub fn max_pool(x: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
+pub(crate) fn max_pool(x: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
     Reduction::Max.apply(x, segments)
 }
 
@@ -118,7 +118,7 @@ pub fn gather(x: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
 }
 
 /// [`max_pool`] on slices: `x` `[N, width]`, `out` `[M, width]`.
-pub fn max_pool_into(x: &[f32], segments: &Segments, width: usize, out: &mut [f32]) {
+pub(crate) fn max_pool_into(x: &[f32], segments: &Segments, width: usize, out: &mut [f32]) {
     by_rows(out, width, |segment, out| {
         let mut members = segments.members(segment).iter().map(|&row| &x[row as usize * width..][..width]);
         match members.next() {
@@ -133,7 +133,7 @@ pub fn max_pool_into(x: &[f32], segments: &Segments, width: usize, out: &mut [f3
 }
 
 /// [`gather`] on slices: `x` `[M, width]`, `out` `[N, width]`.
-pub fn gather_into(x: &[f32], segments: &Segments, width: usize, out: &mut [f32]) {
+pub(crate) fn gather_into(x: &[f32], segments: &Segments, width: usize, out: &mut [f32]) {
     by_rows(out, width, |row, out| {
         out.copy_from_slice(&x[segments.segment_of[row] as usize * width..][..width]);
     });

@@ -17,7 +17,7 @@ use crate::ops::tensors::{slice, slice_mut};
 ///
 /// # Errors
 /// When a shape does not fit.
-pub fn add_gathered(x: Tensor, of_segments: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
+pub(crate) fn add_gathered(x: Tensor, of_segments: &Tensor, segments: &Arc<Segments>) -> Result<Tensor> {
     let ((rows, width), found) = (x.dims2()?, of_segments.dims2()?);
     if rows != segments.num_rows() || found != (segments.num_segments(), width) {
         let expected = [(segments.num_rows(), width), (segments.num_segments(), width)];

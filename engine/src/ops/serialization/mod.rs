@@ -12,7 +12,7 @@ use crate::error::Result;
 /// Bits of a code that hold something: codes are compared as signed integers elsewhere.
 const CODE_BITS: u32 = 63;
 /// The largest depth: 16 bits per axis, as in the reference.
-pub const DEPTH_MAX: u32 = 16;
+pub(crate) const DEPTH_MAX: u32 = 16;
 
 /// A way through the voxels of a cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -42,7 +42,7 @@ pub struct Order {
 /// The smallest depth, bits per axis, whose cube holds every coordinate.
 ///
 /// # Errors
-/// When a coordinate is negative or needs more than [`DEPTH_MAX`] bits.
+/// When a coordinate is negative or needs more than `DEPTH_MAX` bits.
 pub fn depth_of(coords: &[[i32; 4]]) -> Result<u32> {
     let largest = coords.iter().flat_map(|[_, axes @ ..]| axes).fold(0, |all, &c| all | c);
     let depth = i32::BITS - largest.leading_zeros();
@@ -66,7 +66,7 @@ pub fn depth_of(coords: &[[i32; 4]]) -> Result<u32> {
 /// batch bits as Point Transformer V3 has them.
 ///
 /// # Errors
-/// When a coordinate is negative or has more than `depth` bits, the batch index does not fit above them, or `depth` exceeds [`DEPTH_MAX`].
+/// When a coordinate is negative or has more than `depth` bits, the batch index does not fit above them, or `depth` exceeds `DEPTH_MAX`.
 pub fn codes(coords: &[[i32; 4]], curve: Curve, depth: u32) -> Result<Vec<u64>> {
     if depth > DEPTH_MAX {
         return Err(candle_core::Error::Msg(format!("depth: expected at most {DEPTH_MAX}, found {depth}")).into());

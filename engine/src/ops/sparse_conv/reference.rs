@@ -11,7 +11,8 @@ use std::collections::HashMap;
 /// # Shapes
 /// `coords` `[M]` and `out_coords` `[Q]` of batch, x, y, z; `features` `[M, cin]`; `weight` `[cout, kernel^3, cin]`; result `[Q, cout]`.
 pub fn convolve(
-    (coords, features): (&[[i32; 4]], &[f64]),
+    coords: &[[i32; 4]],
+    features: &[f64],
     out_coords: &[[i32; 4]],
     weight: &[f64],
     kernel: usize,
@@ -42,7 +43,7 @@ pub fn convolve(
 ///
 /// # Shapes
 /// `coarse` `[Q]` with `features` `[Q, cin]`; `fine` `[M]`; `weight` `[cout, 8, cin]`; result `[M, cout]`.
-pub fn convolve_transposed((coarse, features): (&[[i32; 4]], &[f64]), fine: &[[i32; 4]], weight: &[f64]) -> Vec<f64> {
+pub fn convolve_transposed(coarse: &[[i32; 4]], features: &[f64], fine: &[[i32; 4]], weight: &[f64]) -> Vec<f64> {
     if coarse.is_empty() {
         return Vec::new();
     }

@@ -38,7 +38,7 @@ pub(super) enum Kind {
     /// Rows, the levels as they are before the values.
     DataV2,
     Dictionary,
-    /// Nothing that is read.
+    /// Another kind, which is not read.
     Other,
 }
 
@@ -106,7 +106,7 @@ fn count(at: &At<'_>, thrift: &mut Thrift<'_>, field: Field) -> Result<u64> {
     u64::try_from(number).map_err(|_e| at.error("a count", number.to_string()))
 }
 
-/// Nothing: what the header of a kind of page (`field`) says of its rows.
+/// Reads into `header` what the header of a kind of page (`field`) says of its rows.
 fn rows(at: &At<'_>, thrift: &mut Thrift<'_>, field: Field, header: &mut Header) -> Result<()> {
     thrift.structure(field)?;
     let version = match field.number {

@@ -40,7 +40,7 @@ impl<'a> Thrift<'a> {
         self.next
     }
 
-    /// Nothing, when `act` has seen all fields of a structure; it reads or skips the value of each.
+    /// Calls `act` with each field of a structure; it reads or skips the value.
     ///
     /// # Errors
     /// Those of `act`; bytes that are no structure.
@@ -127,7 +127,7 @@ impl<'a> Thrift<'a> {
         std::str::from_utf8(bytes).map(str::to_owned).map_err(|e| self.at.error("UTF-8 text", e.to_string()))
     }
 
-    /// Nothing, when `act` has read every entry of the list of a field; each comes as if it were a field of the list's number.
+    /// Calls `act` with each entry of the list of a field, as if it were a field of the list's number; it reads the value.
     ///
     /// # Errors
     /// A value of another type; those of `act`.
@@ -153,7 +153,7 @@ impl<'a> Thrift<'a> {
         Ok((count, head & 0xf))
     }
 
-    /// Nothing, when the value is a structure.
+    /// Checks that the value is a structure.
     ///
     /// # Errors
     /// A value of another type.
@@ -161,7 +161,7 @@ impl<'a> Thrift<'a> {
         if field.kind == STRUCT { Ok(()) } else { Err(self.wrong("a structure", field, field.kind)) }
     }
 
-    /// Nothing: passes over the value of a field.
+    /// Passes over the value of a field.
     ///
     /// # Errors
     /// Bytes that are no value, or too deep.

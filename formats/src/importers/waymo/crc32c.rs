@@ -49,7 +49,7 @@ impl Crc32c {
         Self(u32::MAX)
     }
 
-    /// Nothing: takes these bytes in.
+    /// Takes these bytes in.
     pub(super) fn update(&mut self, bytes: &[u8]) {
         let low = |value: u32, shift: u32| (value >> shift & 0xff) as usize;
         let mut crc = self.0;

@@ -98,7 +98,7 @@ impl Reader<'_> {
         FormatError::invalid(self.path, format!("record {}: {field}", self.index), expected, found)
     }
 
-    /// Nothing, when `act` has seen all fields of a message.
+    /// Calls `act` with each field of a message.
     fn each(&mut self, message: Place, mut act: impl FnMut(&mut Self, Field) -> Result<()>) -> Result<()> {
         let mut fields = Fields::new(message);
         while let Some(field) = fields.next(&mut self.input)? {

@@ -84,10 +84,10 @@ pub(super) fn index(path: &Path) -> Result<Vec<Result<Range<u64>>>> {
     Ok(records)
 }
 
-/// Nothing, when the content of a record has the checksum behind it. The content passes by in pieces.
+/// Checks that the content of a record has the checksum behind it. The content is read in pieces.
 ///
 /// # Errors
-/// It has another one; a file that cannot be read.
+/// Another checksum; a file that cannot be read.
 pub(super) fn check(path: &Path, index: usize, content: &Range<u64>) -> Result<()> {
     let io = |e| FormatError::io(path, "read", e);
     let mut file = File::open(path).map_err(io)?;

@@ -33,7 +33,7 @@ pub(super) struct Frames {
 }
 
 impl Returns {
-    /// Nothing: adds the returns of a range image, those of sensor `index`.
+    /// Adds the returns of the range image of sensor `index`.
     ///
     /// # Formula
     /// Column i looks to azimuth `((W - i - 1/2) / W 2 - 1) pi - atan2(e10, e00)` with the rotation e of the mount, row r to the

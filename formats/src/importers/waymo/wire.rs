@@ -167,7 +167,7 @@ impl<'a, R: Read + Seek> Input<'a, R> {
         String::from_utf8(bytes).map_err(|e| self.error("UTF-8 text", e.to_string()))
     }
 
-    /// Nothing: adds the f64 of a field to `values`, one or a packed list.
+    /// Adds the f64 of a field to `values`, one or a packed list.
     ///
     /// # Errors
     /// A value of another type; a list that is too long or ends within a number.

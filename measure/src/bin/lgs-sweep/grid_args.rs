@@ -47,11 +47,11 @@ impl Args for RecipesArgs {
 
 impl FromArgMatches for RecipesArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
-        let of = |axis: &Axis| {
+        let axis_values = |axis: &Axis| {
             let values = matches.get_many::<String>(axis.name).into_iter().flatten();
             values.map(String::as_str).collect()
         };
-        combinations(of).map(Self).map_err(|wrong| Error::raw(clap::error::ErrorKind::InvalidValue, wrong))
+        combinations(axis_values).map(Self).map_err(|wrong| Error::raw(clap::error::ErrorKind::InvalidValue, wrong))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {

@@ -12,6 +12,7 @@ use lgs_engine::{
     evaluate::lpips::Lpips,
     network::{config::StepLength, source::LoadedModel},
     recipe::flags,
+    refine::LineSearch,
 };
 use lgs_formats::digest::sha256;
 use lgs_measure::{
@@ -87,7 +88,10 @@ fn grid(args: &SweepArgs, networks: &Networks<'_>) -> Vec<Run> {
         weights: weights.clone(),
         query: loaded.model.query.is_some(),
         policy: loaded.model.policy.is_some(),
-        line_search: loaded.model.config.step_length == StepLength::Local,
+        line_search: match loaded.model.config.step_length {
+            StepLength::Local => LineSearch::Every,
+            StepLength::Learned => LineSearch::Off,
+        },
     });
     runs_of(&args.axes(), &parts.collect::<Vec<_>>())
 }

@@ -54,8 +54,8 @@ impl Plot<'_> {
         let costs = self.dots.iter().flat_map(|dot| [dot.x].into_iter().chain(dot.spread.into_iter().flatten()));
         let mut plot = pages::Plot::around([self.x, self.y], costs, self.dots.iter().map(|dot| dot.y));
         for series in 0..=self.dots.iter().map(|dot| dot.series).max().unwrap_or(0) {
-            let of = |dot: &&Dot| dot.series == series && dot.reference_steps.is_some();
-            plot.line("class=\"reference\"", from_left(self.dots.iter().filter(of)));
+            let in_series = |dot: &&Dot| dot.series == series && dot.reference_steps.is_some();
+            plot.line("class=\"reference\"", from_left(self.dots.iter().filter(in_series)));
         }
         let on_it = self.dots.iter().zip(&front).filter(|(_, on)| **on).map(|(dot, _)| dot);
         plot.line("class=\"front\"", from_left(on_it));

@@ -2,11 +2,12 @@
 
 use std::{num::NonZeroUsize, path::PathBuf};
 
-use clap::{Args as Group, Parser, Subcommand, ValueEnum, builder::RangedU64ValueParser};
+use clap::{Args as Group, Parser, Subcommand, builder::RangedU64ValueParser};
 use lgs_engine::network::source::ModelSource;
 use lgs_formats::image::ImageSize;
 use lgs_formats::jobs::Part;
-use lgs_formats::targets::{Normalise, Signal, ZScore};
+use lgs_formats::targets::{Normalise, Signal, TargetsConfig, ZScore};
+use serde::de::DeserializeOwned;
 
 const MAX_THREADS: u64 = 1024;
 
@@ -57,13 +58,13 @@ pub(crate) struct JobArgs {
     /// What the effect of an action is measured by: `response`: change of the neighbours' gradient responses; `footprint`: change
     /// of the loss under the primitive's own blending weights; `magnitude`: no intervention, the primitive's own response;
     /// `exact`: exact change of the loss without the primitive, and what its halves could gain, of all primitives without sampling
-    #[arg(long, value_enum, default_value_t = SignalArg::Response)]
-    pub(crate) signal: SignalArg,
+    #[arg(long, value_name = "WORD", default_value = "response", value_parser = word::<Signal>)]
+    pub(crate) signal: Signal,
 
     /// Whose largest gradients the responses are divided by: `branch`: each branch by its own; `original`: all by those of the
     /// original branch
-    #[arg(long, value_enum, default_value_t = NormaliseArg::Branch)]
-    pub(crate) normalise: NormaliseArg,
+    #[arg(long, value_name = "WORD", default_value = "branch", value_parser = word::<Normalise>)]
+    pub(crate) normalise: Normalise,
 
     #[command(flatten)]
     pub(crate) transform: TransformArgs,
@@ -107,7 +108,7 @@ pub(crate) struct SceneArgs {
     pub(crate) image_size: Option<ImageSize>,
 
     /// Seed of everything that is drawn at random
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = TargetsConfig::default().seed)]
     pub(crate) seed: u64,
 
     /// Threads to work with, 1 to 1024; the result does not depend on it [default: one per core]
@@ -119,19 +120,19 @@ pub(crate) struct SceneArgs {
 #[derive(Clone, Debug, PartialEq, Group)]
 pub(crate) struct SamplingArgs {
     /// Rounds of sampling, 1 to 100
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = TargetsConfig::default().rounds, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub(crate) rounds: u8,
 
     /// Probability with which a round samples a primitive, 0 to 1
-    #[arg(long, value_name = "F", default_value_t = 0.2, value_parser = probability)]
+    #[arg(long, value_name = "F", default_value_t = TargetsConfig::default().rho, value_parser = probability)]
     pub(crate) rho: f64,
 
     /// Nearest neighbours whose responses count, 1 to 64
-    #[arg(long, value_name = "K", default_value_t = 8, value_parser = RangedU64ValueParser::<u32>::new().range(1..=64))]
-    pub(crate) neighbours: u32,
+    #[arg(long, value_name = "K", default_value_t = TargetsConfig::default().neighbours, value_parser = RangedU64ValueParser::<usize>::new().range(1..=64))]
+    pub(crate) neighbours: usize,
 
     /// Standard deviation of a copy's displacement per axis, metres
-    #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = not_negative)]
+    #[arg(long, value_name = "M", default_value_t = TargetsConfig::default().noise_m, value_parser = not_negative)]
     pub(crate) noise_m: f64,
 }
 
@@ -139,12 +140,12 @@ pub(crate) struct SamplingArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Group)]
 pub(crate) struct TransformArgs {
     /// Delta at which the logarithm begins to bend
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "F", default_value_t = TargetsConfig::default().log_scale, value_parser = positive)]
     pub(crate) log_scale: f64,
 
     /// Population that deltas are compared with: `joint`: both actions together; `per-action`: each by itself
-    #[arg(long, value_enum, default_value_t = ZScoreArg::Joint)]
-    pub(crate) zscore: ZScoreArg,
+    #[arg(long, value_name = "WORD", default_value = "joint", value_parser = word::<ZScore>)]
+    pub(crate) zscore: ZScore,
 }
 
 #[derive(Clone, Debug, PartialEq, Group)]
@@ -227,56 +228,9 @@ impl SceneArgs {
     }
 }
 
-/// `--signal`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum SignalArg {
-    Response,
-    Footprint,
-    Magnitude,
-    Exact,
-}
-
-/// `--normalise`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum NormaliseArg {
-    Branch,
-    Original,
-}
-
-/// `--zscore`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ZScoreArg {
-    Joint,
-    PerAction,
-}
-
-impl From<SignalArg> for Signal {
-    fn from(value: SignalArg) -> Self {
-        match value {
-            SignalArg::Response => Self::Response,
-            SignalArg::Footprint => Self::Footprint,
-            SignalArg::Magnitude => Self::Magnitude,
-            SignalArg::Exact => Self::Exact,
-        }
-    }
-}
-
-impl From<NormaliseArg> for Normalise {
-    fn from(value: NormaliseArg) -> Self {
-        match value {
-            NormaliseArg::Branch => Self::Branch,
-            NormaliseArg::Original => Self::Original,
-        }
-    }
-}
-
-impl From<ZScoreArg> for ZScore {
-    fn from(value: ZScoreArg) -> Self {
-        match value {
-            ZScoreArg::Joint => Self::Joint,
-            ZScoreArg::PerAction => Self::PerAction,
-        }
-    }
+/// The value of a setting by the word that manifests have for it.
+fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    serde_json::from_value(text.into()).map_err(|error| error.to_string())
 }
 
 fn part(text: &str) -> Result<Part, String> {
@@ -332,7 +286,7 @@ mod tests {
         let job = parse("clips/street more --out o --part 2/4 --signal footprint --zscore per-action").unwrap();
         assert_eq!((job.command, job.job.clips.len()), (None, 2));
         assert_eq!(job.job.part, Some(Part { index: 2, count: 4 }));
-        assert_eq!((job.job.signal, job.job.transform.zscore), (SignalArg::Footprint, ZScoreArg::PerAction));
+        assert_eq!((job.job.signal, job.job.transform.zscore), (Signal::Footprint, ZScore::PerAction));
         assert_eq!((job.job.sampling.rounds, job.job.sampling.rho, job.job.shard_mb), (3, 0.2, 256));
         assert!(matches!(parse("merge a b").unwrap().command, Some(Command::Merge(args)) if args.folders.len() == 2));
         assert!(matches!(parse("retarget a --out b").unwrap().command, Some(Command::Retarget(_))));

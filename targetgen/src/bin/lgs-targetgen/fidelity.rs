@@ -40,13 +40,13 @@ pub(crate) fn fidelity(args: &FidelityArgs) -> Result<String> {
     let mut found: Vec<(&str, Vec<CorrelationRow>)> = Vec::new();
     let effects = at_once(&problem, &sample);
     let title = format!("at once, after {} steps", args.warm_up);
-    text += &section(out, "at-once", &title, (&sample, &effects), &mut found)?;
+    text += &section(out, "at-once", &title, &sample, &effects, &mut found)?;
     if args.after > 0 {
         let few = sample.first(args.sample_after.unwrap_or(args.sample) as usize);
         let settings = AfterSettings { steps: args.after as usize, separation_px: args.separation };
         let effects = after(&problem, &few, &settings, &mut |share| say(&format!("after: {:.0} %", 100.0 * share)));
         let title = format!("{} steps later, after {} steps", args.after, args.warm_up);
-        text += &section(out, "after", &title, (&few, &effects), &mut found)?;
+        text += &section(out, "after", &title, &few, &effects, &mut found)?;
     }
     let json = serde_json::to_string_pretty(&found.into_iter().collect::<std::collections::BTreeMap<_, _>>())?;
     write_atomic(&out.join("fidelity.json"), (json + "\n").as_bytes())?;
@@ -59,7 +59,8 @@ fn section(
     out: &Path,
     key: &'static str,
     title: &str,
-    (sample, effects): (&Sample, &Effects),
+    sample: &Sample,
+    effects: &Effects,
     found: &mut Vec<(&'static str, Vec<CorrelationRow>)>,
 ) -> Result<String> {
     for (name, svg) in pictures(title, sample, effects) {

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome> {
         }
         Some(Command::Retarget(retarget)) => {
             let (transform, out) = (retarget.transform, &retarget.out);
-            let manifest = job::retarget(&retarget.folder, out, transform.log_scale, transform.zscore.into())?;
+            let manifest = job::retarget(&retarget.folder, out, transform.log_scale, transform.zscore)?;
             let summary = summarise(out, &manifest)?;
             write_atomic(&out.join("report.html"), html(&summary, &manifest, &Default::default(), 0).as_bytes())?;
             Ok(text(&summary, &manifest, out).into())
@@ -54,10 +54,10 @@ fn generate(args: &JobArgs) -> Result<Outcome> {
     let model = args.scene.weights.load(args.scene.seed)?;
     let weights = model.as_ref().map(|loaded| loaded.digest.clone());
     let config = TargetsConfig {
-        signal: args.signal.into(),
-        normalise: args.normalise.into(),
+        signal: args.signal,
+        normalise: args.normalise,
         log_scale: args.transform.log_scale,
-        zscore: args.transform.zscore.into(),
+        zscore: args.transform.zscore,
         with_features: args.with_features,
         ..config(&args.scene, &args.sampling, weights)
     };
@@ -92,19 +92,15 @@ fn outcome(text: String, failed: &[FailedClip]) -> Outcome {
 /// The settings that jobs and measurements share; what is left is the default.
 pub(crate) fn config(scene: &SceneArgs, sampling: &SamplingArgs, weights: Option<String>) -> TargetsConfig {
     TargetsConfig {
-        signal: crate::args::SignalArg::Response.into(),
-        normalise: crate::args::NormaliseArg::Branch.into(),
         rounds: sampling.rounds,
         rho: sampling.rho,
-        neighbours: sampling.neighbours as usize,
+        neighbours: sampling.neighbours,
         noise_m: sampling.noise_m,
-        log_scale: 1.0,
-        zscore: crate::args::ZScoreArg::Joint.into(),
-        with_features: false,
         cameras: scene.cameras.clone(),
         image_size: scene.image_size.map(|size| [size.height, size.width]),
         seed: scene.seed,
         weights,
+        ..TargetsConfig::default()
     }
 }
 

@@ -8,8 +8,8 @@ use lgs_formats::pose::Pose;
 use super::{Filling, ROOM};
 use crate::scenes::{
     course::{Course, Piece, Way},
-    dice::Dice,
     maths::rotation_z,
+    rng::Rng,
     side_street::{HALF_WIDTH, SideStreet},
     vehicles::{car, truck},
 };
@@ -22,11 +22,11 @@ impl Filling<'_> {
     pub(super) fn crossing(&mut self, number: usize, side: SideStreet) {
         for k in 0..number {
             let model = self.vehicle();
-            self.add(format!("crossing-{k}"), model, ROOM, |filling, dice| {
-                let left = if dice.chance(0.5) { 1.0 } else { -1.0 };
+            self.add(format!("crossing-{k}"), model, ROOM, |filling, rng| {
+                let left = if rng.chance(0.5) { 1.0 } else { -1.0 };
                 let frame = filling.road.frame(side.s + left * 0.5 * HALF_WIDTH, 0.0, 0.0);
-                let speed = dice.uniform(1.5, 10.0);
-                Some(filling.straight(frame, left, dice.uniform(-9.0, 9.0), speed))
+                let speed = rng.uniform(1.5, 10.0);
+                Some(filling.straight(frame, left, rng.uniform(-9.0, 9.0), speed))
             });
         }
     }
@@ -40,20 +40,20 @@ impl Filling<'_> {
     /// From the street into the side street or back, somewhere in the turn in the middle of the clip.
     pub(super) fn turning(&mut self, number: usize, side: SideStreet) {
         for k in 0..number {
-            let model = if self.dice.chance(0.12) {
-                truck(&mut self.dice, self.palette)
+            let model = if self.rng.chance(0.12) {
+                truck(&mut self.rng, self.palette)
             } else {
-                car(&mut self.dice, self.palette)
+                car(&mut self.rng, self.palette)
             };
-            self.add(format!("turning-{k}"), model, ROOM, |filling, dice| Some(filling.turn(side, dice)));
+            self.add(format!("turning-{k}"), model, ROOM, |filling, rng| Some(filling.turn(side, rng)));
         }
     }
 
-    fn turn(&self, side: SideStreet, dice: &mut Dice) -> Course {
-        let sign = |dice: &mut Dice| if dice.chance(0.5) { 1.0 } else { -1.0 };
+    fn turn(&self, side: SideStreet, rng: &mut Rng) -> Course {
+        let sign = |rng: &mut Rng| if rng.chance(0.5) { 1.0 } else { -1.0 };
         // Along the street and towards its left, each in (1) or against (-1) that direction, and the turn to the left (1) or right.
-        let (turn, into) = (sign(dice), dice.chance(0.5));
-        let entering = sign(dice);
+        let (turn, into) = (sign(rng), rng.chance(0.5));
+        let entering = sign(rng);
         let leaving = entering * turn * if into { 1.0 } else { -1.0 };
         let (along, across) = if into { (entering, leaving) } else { (leaving, entering) };
         let lane = if turn > 0.0 { 0 } else { self.road.num_lanes - 1 };
@@ -67,12 +67,12 @@ impl Filling<'_> {
             (true, false) => PI,
             (false, _) => entering * FRAC_PI_2,
         };
-        let radius = if turn > 0.0 { dice.uniform(6.5, 9.0) } else { dice.uniform(4.2, 6.0) };
+        let radius = if turn > 0.0 { rng.uniform(6.5, 9.0) } else { rng.uniform(4.2, 6.0) };
         let back = Pose::new(DMat3::IDENTITY, DVec3::NEG_X * (radius + APPROACH));
         let arc = radius * FRAC_PI_2;
         let pieces = vec![Piece { length: APPROACH, curvature: 0.0 }, Piece { length: arc, curvature: turn / radius }];
-        let speed = dice.uniform(2.0, 6.5);
-        let place = APPROACH + arc * dice.uniform(0.1, 0.9) - 0.5 * speed * self.end;
+        let speed = rng.uniform(2.0, 6.5);
+        let place = APPROACH + arc * rng.uniform(0.1, 0.9) - 0.5 * speed * self.end;
         let start = corner * Pose::new(rotation_z(heading), DVec3::ZERO) * back;
         Course::Way(Way { start, pieces, place, speed })
     }

@@ -8,11 +8,11 @@ use super::{
     config::{BusySpec, SceneConfig},
     course::Course,
     cyclist::cyclist,
-    dice::Dice,
     footprint::Footprint,
     lorry::lorry,
     motion::{EGO_HALF_LENGTH, EgoMotion, Motion},
     object::{Model, Object, Palette},
+    rng::Rng,
     road::Road,
     side_street::SideStreet,
     streams,
@@ -35,7 +35,7 @@ struct Filling<'a> {
     road: &'a Road,
     ego: &'a EgoMotion,
     end: f64,
-    dice: Dice,
+    rng: Rng,
     palette: &'a mut Palette,
     objects: &'a mut Vec<Object>,
 }
@@ -58,8 +58,8 @@ pub(crate) fn join(
             motion.is_none_or(|m| [-BEYOND_S, end + BEYOND_S].iter().all(|&t| side.is_clear(m.place(road, t), 1.0)))
         });
     }
-    let dice = Dice::new(config.seed, streams::BUSY);
-    let mut filling = Filling { road, ego, end, dice, palette, objects };
+    let rng = Rng::new(config.seed, streams::BUSY);
+    let mut filling = Filling { road, ego, end, rng, palette, objects };
     if let Some(side) = side {
         filling.crossing(spec.crossing, side);
         filling.turning(spec.turning, side);
@@ -87,15 +87,15 @@ impl Filling<'_> {
     }
 
     /// Adds a thing on the first course that `draw` gives and that is clear; nothing if there is none.
-    fn add(&mut self, track: String, model: Model, room: f64, draw: impl Fn(&Self, &mut Dice) -> Option<Course>) {
+    fn add(&mut self, track: String, model: Model, room: f64, draw: impl Fn(&Self, &mut Rng) -> Option<Course>) {
         let mut object = Object { track, model, course: Course::Street(Motion::still(0.0, 0.0, 0.0, 0.0)) };
-        let mut dice = self.dice.clone();
+        let mut rng = self.rng.clone();
         let found = (0..TRIES).any(|_| {
-            let Some(course) = draw(self, &mut dice) else { return false };
+            let Some(course) = draw(self, &mut rng) else { return false };
             object.course = course;
             self.is_clear(&object, room)
         });
-        self.dice = dice;
+        self.rng = rng;
         if found {
             self.objects.push(object);
         }
@@ -114,23 +114,23 @@ impl Filling<'_> {
     }
 
     fn vehicle(&mut self) -> Model {
-        match self.dice.index(10) {
-            0 => lorry(&mut self.dice, self.palette),
-            1 => truck(&mut self.dice, self.palette),
-            _ => car(&mut self.dice, self.palette),
+        match self.rng.index(10) {
+            0 => lorry(&mut self.rng, self.palette),
+            1 => truck(&mut self.rng, self.palette),
+            _ => car(&mut self.rng, self.palette),
         }
     }
 
     fn queue(&mut self, number: usize) {
-        let lane = self.dice.index(self.road.num_lanes);
-        let direction = if self.dice.chance(0.6) { -1.0 } else { 1.0 };
-        let pace = self.dice.uniform(0.7, 1.9);
-        let mut s = self.dice.uniform(4.0, 12.0);
+        let lane = self.rng.index(self.road.num_lanes);
+        let direction = if self.rng.chance(0.6) { -1.0 } else { 1.0 };
+        let pace = self.rng.uniform(0.7, 1.9);
+        let mut s = self.rng.uniform(4.0, 12.0);
         for k in 0..number {
             let model = self.vehicle();
             let length = model.size.x;
             s += 0.5 * length;
-            let own = pace * self.dice.uniform(0.85, 1.15);
+            let own = pace * self.rng.uniform(0.85, 1.15);
             let before = self.objects.len();
             for _ in 0..12 {
                 let course = self.lane(s, lane, direction, own);
@@ -140,31 +140,31 @@ impl Filling<'_> {
                 }
                 s += 1.5;
             }
-            s += 0.5 * length + self.dice.uniform(1.2, 3.0);
+            s += 0.5 * length + self.rng.uniform(1.2, 3.0);
         }
     }
 
     fn lorries(&mut self, number: usize) {
         for k in 0..number {
-            let model = lorry(&mut self.dice, self.palette);
-            self.add(format!("lorry-{k}"), model, ROOM, |filling, dice| {
-                let direction = if dice.chance(0.5) { -1.0 } else { 1.0 };
-                let (s, lane) = (dice.uniform(-8.0, 48.0), dice.index(filling.road.num_lanes));
-                Some(filling.lane(s, lane, direction, dice.uniform(1.0, 12.0)))
+            let model = lorry(&mut self.rng, self.palette);
+            self.add(format!("lorry-{k}"), model, ROOM, |filling, rng| {
+                let direction = if rng.chance(0.5) { -1.0 } else { 1.0 };
+                let (s, lane) = (rng.uniform(-8.0, 48.0), rng.index(filling.road.num_lanes));
+                Some(filling.lane(s, lane, direction, rng.uniform(1.0, 12.0)))
             });
         }
     }
 
     fn cyclists(&mut self, number: usize) {
         for k in 0..number {
-            let model = cyclist(&mut self.dice, self.palette);
-            self.add(format!("cyclist-{k}"), model, CLOSE, |filling, dice| {
-                let direction = if dice.chance(0.5) { -1.0 } else { 1.0 };
+            let model = cyclist(&mut self.rng, self.palette);
+            self.add(format!("cyclist-{k}"), model, CLOSE, |filling, rng| {
+                let direction = if rng.chance(0.5) { -1.0 } else { 1.0 };
                 let edge = filling.road.lane_width * filling.road.num_lanes as f64;
                 Some(Course::Street(Motion {
-                    s: dice.uniform(4.0, 36.0),
-                    d: -direction * (edge - dice.uniform(0.1, 0.5)),
-                    speed: direction * dice.uniform(2.0, 7.0),
+                    s: rng.uniform(4.0, 36.0),
+                    d: -direction * (edge - rng.uniform(0.1, 0.5)),
+                    speed: direction * rng.uniform(2.0, 7.0),
                     acceleration: 0.0,
                     heading: if direction > 0.0 { 0.0 } else { PI },
                     height: 0.0,
@@ -176,13 +176,13 @@ impl Filling<'_> {
     /// Across the carriageway, from kerb to kerb at most.
     fn people(&mut self, number: usize) {
         for k in 0..number {
-            let model = person(&mut self.dice, self.palette);
-            self.add(format!("walker-{k}"), model, CLOSE, |filling, dice| {
-                let left = if dice.chance(0.5) { 1.0 } else { -1.0 };
-                let (speed, kerb) = (dice.uniform(0.5, 1.8), filling.road.kerb_offset());
-                let d = dice.uniform(-kerb, kerb);
+            let model = person(&mut self.rng, self.palette);
+            self.add(format!("walker-{k}"), model, CLOSE, |filling, rng| {
+                let left = if rng.chance(0.5) { 1.0 } else { -1.0 };
+                let (speed, kerb) = (rng.uniform(0.5, 1.8), filling.road.kerb_offset());
+                let d = rng.uniform(-kerb, kerb);
                 let reach = d.abs() + speed * (0.5 * filling.end + BEYOND_S) + 0.3;
-                let frame = filling.road.frame(dice.uniform(7.0, 32.0), 0.0, 0.0);
+                let frame = filling.road.frame(rng.uniform(7.0, 32.0), 0.0, 0.0);
                 (reach < kerb).then(|| filling.straight(frame, left, d, speed))
             });
         }

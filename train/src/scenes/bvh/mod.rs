@@ -175,15 +175,15 @@ mod tests {
 
     use super::*;
     use crate::scenes::{
-        dice::Dice,
         primitive::{MaterialId, Part},
+        rng::Rng,
         shapes::Shape,
     };
 
     #[test]
     fn finds_what_a_search_over_all_finds() {
-        let mut dice = Dice::new(4, 0);
-        let mut spot = |r: f64| DVec3::new(dice.uniform(-r, r), dice.uniform(-r, r), dice.uniform(-r, r));
+        let mut rng = Rng::new(4, 0);
+        let mut spot = |r: f64| DVec3::new(rng.uniform(-r, r), rng.uniform(-r, r), rng.uniform(-r, r));
         let all: Vec<Primitive> = (0..600)
             .map(|k| {
                 let shape = if k % 2 == 0 {

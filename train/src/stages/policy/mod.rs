@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     error::{Result, TrainError},
-    scenes::dice::Dice,
+    scenes::rng::Rng,
 };
 use loss::{Targets, loss, targets};
 
@@ -83,7 +83,7 @@ impl Task for PolicyTask {
     fn sample(&self, settings: &PolicySettings, step: u64) -> Result<PolicySample> {
         let seed = settings.optimisation.seed;
         let clip = self.clips.draw(seed, step)?;
-        let chosen = around_one(&clip, settings.max_primitives, &mut Dice::new(seed, step));
+        let chosen = around_one(&clip, settings.max_primitives, &mut Rng::new(seed, step));
         let mut place = vec![None; clip.set.len()];
         chosen.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at));
         let Some(inputs) = PolicyInputs::new(&self.features(&clip)?, &clip.set, &chosen, &self.config)? else {
@@ -158,7 +158,7 @@ impl Task for PolicyTask {
 }
 
 /// At most `most` primitives: those that lie nearest, seen from above, to one that has a target.
-fn around_one(clip: &PolicyClip, most: usize, dice: &mut Dice) -> Vec<usize> {
+fn around_one(clip: &PolicyClip, most: usize, dice: &mut Rng) -> Vec<usize> {
     let n = clip.set.len();
     let mut chosen: Vec<usize> = (0..n).collect();
     if n <= most || clip.targets.index.is_empty() {

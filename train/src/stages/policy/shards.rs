@@ -19,7 +19,7 @@ use lgs_targetgen::{job::JobClip, scene::load_scene};
 
 use crate::{
     error::{Result, TrainError},
-    scenes::dice::Dice,
+    scenes::rng::Rng,
 };
 
 /// Where the draws of an epoch's order stand, beyond those of all steps.
@@ -132,7 +132,7 @@ impl ShardClips {
     /// Whatever is wrong with the shard.
     pub(crate) fn draw(&self, seed: u64, step: u64) -> Result<PolicyClip> {
         let total = self.files.iter().map(|file| file.clips.len() as u64).sum::<u64>().max(1);
-        let mut dice = Dice::new(seed, EPOCHS | (step / total));
+        let mut dice = Rng::new(seed, EPOCHS | (step / total));
         let mut at = usize::try_from(step % total).unwrap_or_default();
         for file in shuffled(self.files.iter().collect(), &mut dice) {
             let names = shuffled(file.clips.iter().collect(), &mut dice);
@@ -227,7 +227,7 @@ fn check_signal(path: &Path, config: &TargetsConfig, first: Option<Signal>) -> R
     }
 }
 
-fn shuffled<T>(mut items: Vec<T>, dice: &mut Dice) -> Vec<T> {
+fn shuffled<T>(mut items: Vec<T>, dice: &mut Rng) -> Vec<T> {
     for i in (1..items.len()).rev() {
         items.swap(i, dice.index(i + 1));
     }

@@ -33,10 +33,10 @@ fn defaults_are_as_the_help_says() {
 
 #[test]
 fn weights_are_a_file_a_config_or_none() {
-    let of = |line: &str| parse(line).unwrap().weights;
-    assert_eq!(of("c --weights tiny.safetensors"), ModelSource::File("tiny.safetensors".into()));
-    assert_eq!((of("c --weights tiny"), of("c --weights none")), (ModelSource::Shipped, ModelSource::None));
-    assert_eq!(of("c --weights random:full.json"), ModelSource::Random("full.json".into()));
+    let weights = |line: &str| parse(line).unwrap().weights;
+    assert_eq!(weights("c --weights tiny.safetensors"), ModelSource::File("tiny.safetensors".into()));
+    assert_eq!((weights("c --weights tiny"), weights("c --weights none")), (ModelSource::Shipped, ModelSource::None));
+    assert_eq!(weights("c --weights random:full.json"), ModelSource::Random("full.json".into()));
     assert_eq!(parse("--describe full.json").unwrap().describe, Some("full.json".into()));
 }
 
@@ -118,9 +118,9 @@ fn what_makes_no_sense_is_refused() {
 
 #[test]
 fn a_film_has_a_path_and_its_own_flags_need_one() {
-    let of = |line: &str| parse(line).unwrap();
-    assert_eq!((of("c").path, of("c --path between-inputs").path), (None, Some(PathArg::BetweenInputs)));
-    let args = of("c --path p.json --path-frames 7 --path-camera A --path-fps 24");
+    let args_of = |line: &str| parse(line).unwrap();
+    assert_eq!((args_of("c").path, args_of("c --path between-inputs").path), (None, Some(PathArg::BetweenInputs)));
+    let args = args_of("c --path p.json --path-frames 7 --path-camera A --path-fps 24");
     assert_eq!((args.path, args.path_frames), (Some(PathArg::File("p.json".into())), Some(7)));
     assert_eq!((args.path_camera.as_deref(), args.path_fps), (Some("A"), Some(24.0)));
     for line in ["c --path-frames 3", "c --path-fps 3", "c --path-camera A", "c --path p --path-frames 0"] {

@@ -23,7 +23,7 @@ pub(in super::super) enum Trust {
     Contradicted,
     /// No point of the scene: the own vehicle, at about this depth.
     OwnVehicle,
-    /// Nothing is known.
+    /// The depth is not known.
     Unknown,
 }
 

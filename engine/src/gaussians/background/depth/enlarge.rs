@@ -15,7 +15,8 @@ pub(super) fn enlarged(
     view: &View,
     level: &Reduced,
     factor: usize,
-    (inverse, trust): (&[f32], &[Trust]),
+    inverse: &[f32],
+    trust: &[Trust],
     radius: f32,
 ) -> Sheet {
     let pinhole = &view.pinhole;

@@ -127,16 +127,16 @@ fn interpolate(pixels: &mut [Evidence], width: usize) {
 
 /// Tells sky by its colour, learned from smooth, bright pixels above the horizon and all returns.
 fn mark_sky(pixels: &mut [Evidence], level: &Reduced, measured: &[bool], upward: &[bool]) {
-    let of = |wanted: &dyn Fn(usize) -> bool| -> Vec<[u8; 3]> {
+    let colours_of = |wanted: &dyn Fn(usize) -> bool| -> Vec<[u8; 3]> {
         (0..pixels.len()).filter(|&i| wanted(i)).map(|i| level.colours[i]).collect()
     };
     let brightness = |colour: [u8; 3]| colour.iter().map(|&v| u32::from(v)).sum::<u32>();
-    let solid = of(&|i| measured[i]);
+    let solid = colours_of(&|i| measured[i]);
     let mut levels: Vec<u32> = solid.iter().map(|&colour| brightness(colour)).collect();
     levels.sort_unstable();
     let bright = levels.get(share_of(levels.len(), BRIGHTER_THAN)).copied().unwrap_or(0);
     let clear = |i: usize| upward[i] && !pixels[i].near_returns && brightness(level.colours[i]) > bright;
-    let colours = SkyColours::new(&of(&|i| clear(i) && roughness(level, i) < SMOOTH), &solid);
+    let colours = SkyColours::new(&colours_of(&|i| clear(i) && roughness(level, i) < SMOOTH), &solid);
     for (i, pixel) in pixels.iter_mut().enumerate().filter(|&(i, _)| upward[i] && !measured[i]) {
         let sure = (2.0 * colours.probability(level.colours[i]) - 1.0).max(0.0);
         pixel.sky = if pixel.near_returns { NEAR_RETURNS * sure } else { sure };

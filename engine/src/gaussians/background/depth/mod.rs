@@ -74,7 +74,7 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
             trust[k] = Trust::OwnVehicle;
             inverse[k] = OWN_VEHICLE_NEARER * searches[i].evidence[k].floor;
         }
-        enlarge::enlarged(views[i], &levels[i].view, factor(views[i]), (&inverse, &trust), radius)
+        enlarge::enlarged(views[i], &levels[i].view, factor(views[i]), &inverse, &trust, radius)
     };
     (0..views.len()).into_par_iter().map(finish).collect()
 }

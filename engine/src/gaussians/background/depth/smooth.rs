@@ -53,7 +53,7 @@ fn choose(total: &[i16; NUM_LABELS], step: f32) -> Choice {
 }
 
 /// Path costs of the last row of pixels in one direction.
-struct Row {
+struct PathCosts {
     /// `[W]` costs between two entries of [`HIGH`].
     costs: Vec<[i16; PADDED]>,
     /// `[W]` the least of them.
@@ -64,8 +64,8 @@ struct Row {
 fn sweep(volume: &Volume, view: &Reduced, forward: bool) -> Vec<[i16; NUM_LABELS]> {
     let (width, num_pixels) = (view.pinhole.width, volume.costs.len());
     let mut total = vec![[0; NUM_LABELS]; num_pixels];
-    let new_row = || Row { costs: vec![[HIGH; PADDED]; width], least: vec![0; width] };
-    let mut rows: [[Row; 2]; 4] = std::array::from_fn(|_| [new_row(), new_row()]);
+    let new_row = || PathCosts { costs: vec![[HIGH; PADDED]; width], least: vec![0; width] };
+    let mut rows: [[PathCosts; 2]; 4] = std::array::from_fn(|_| [new_row(), new_row()]);
     for place in 0..num_pixels {
         let pixel = if forward { place } else { num_pixels - 1 - place };
         let (line, column) = (place / width, place % width); // in walking order
@@ -86,7 +86,7 @@ fn sweep(volume: &Volume, view: &Reduced, forward: bool) -> Vec<[i16; NUM_LABELS
                     let other = if forward { pixel - distance } else { pixel + distance };
                     let source = if direction == 0 { &*now } else { &*last };
                     let jump = large_step(view.difference(pixel, other));
-                    extend(&volume.costs[pixel], &source.costs[at], (source.least[at], jump), &mut out)
+                    extend(&volume.costs[pixel], &source.costs[at], source.least[at], jump, &mut out)
                 }
             };
             for (sum, cost) in total[pixel].iter_mut().zip(&out[1..]) {
@@ -109,14 +109,9 @@ fn start(costs: &[i16; NUM_LABELS], out: &mut [i16; PADDED]) -> i16 {
     costs.iter().copied().fold(HIGH, i16::min)
 }
 
-/// The least path cost; writes the costs of the paths that come from a neighbour with the costs `before`, their least and
-/// the cost of a large step there being `(least, jump)`.
-fn extend(
-    costs: &[i16; NUM_LABELS],
-    before: &[i16; PADDED],
-    (least, jump): (i16, i16),
-    out: &mut [i16; PADDED],
-) -> i16 {
+/// The least path cost; writes the costs of the paths that come from a neighbour with the costs `before`, `least` of
+/// them, and `jump`, the cost of a large step there.
+fn extend(costs: &[i16; NUM_LABELS], before: &[i16; PADDED], least: i16, jump: i16, out: &mut [i16; PADDED]) -> i16 {
     let mut lowest = HIGH;
     for label in 0..NUM_LABELS {
         let beside = before[label].min(before[label + 2]) + SMALL_STEP;

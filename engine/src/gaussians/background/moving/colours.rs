@@ -33,7 +33,7 @@ impl Pixels {
         sources: &[&View],
     ) -> Self {
         let width = view.pinhole.width;
-        let of = |pixel: usize| {
+        let advantage = |pixel: usize| {
             let [u, v] = [(pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5];
             let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
@@ -46,14 +46,14 @@ impl Pixels {
             };
             let still = sheet.inverse_depths[pixel];
             let differ = |place: &dyn Fn(&View) -> Option<Projected>| {
-                let of = |source: &&View| Some(difference(colour, sample(source, place(source)?)?));
-                sources.iter().filter_map(of).reduce(f32::min)
+                let source_difference = |source: &&View| Some(difference(colour, sample(source, place(source)?)?));
+                sources.iter().filter_map(source_difference).reduce(f32::min)
             };
             let moves = differ(&there)?;
             let stands = differ(&|source| source.pinhole.project((still > 0.0).then(|| at(still))?))?;
             Some(stands - moves)
         };
-        Self { advantage: outline.pixels(width).map(|pixel| of(pixel).unwrap_or(0.0)).collect() }
+        Self { advantage: outline.pixels(width).map(|pixel| advantage(pixel).unwrap_or(0.0)).collect() }
     }
 
     /// The mean over a window of what has the colour of its middle.

@@ -67,7 +67,8 @@ pub(super) fn still(cloud: &PointCloud, movement: &Movement) -> PointCloud {
 /// `still`: the returns of what stands that the view shows; `all`: every thing, this one included; `sources`: images that are compared.
 pub(super) fn sheet(
     view: &View,
-    (sheet, still): (&mut Sheet, &[DepthSample]),
+    sheet: &mut Sheet,
+    still: &[DepthSample],
     thing: &Thing,
     all: &[Thing],
     sources: &[&View],
@@ -83,7 +84,7 @@ pub(super) fn sheet(
         inverse_depths[pixel] = inverse;
     }
     let pixels = Pixels::of(view, sheet, thing, &outline, &inverse_depths, sources);
-    let near = Nearest::of(view, (&own, still), all, thing, &outline);
+    let near = Nearest::of(view, &own, still, all, thing, &outline);
     let shows = |&pixel: &usize| {
         !is_ignored(view, pixel)
             && sheet.trust[pixel] != Trust::OwnVehicle
@@ -100,8 +101,8 @@ pub(super) fn sheet(
 
 /// Where the returns of a thing are in an image, at its moment.
 fn samples(view: &View, thing: &Thing) -> Vec<DepthSample> {
-    let of = |&(place, time): &([f32; 3], f32)| (place, thing.flow.at(place), time);
-    samples_of(thing.returns.iter().map(of), &view.pinhole)
+    let moving = |&(place, time): &([f32; 3], f32)| (place, thing.flow.at(place), time);
+    samples_of(thing.returns.iter().map(moving), &view.pinhole)
 }
 
 #[cfg(test)]
@@ -157,7 +158,7 @@ mod tests {
         let count = SIZE[0] * SIZE[1];
         let mut wall = Sheet { inverse_depths: vec![1.0 / 40.0; count], trust: vec![Trust::Alone; count] };
         let all = [thing];
-        let found = sheet(&first, (&mut wall, &[]), &all[0], &all, &[&second]).unwrap();
+        let found = sheet(&first, &mut wall, &[], &all[0], &all, &[&second]).unwrap();
         let share = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
             let pixels: Vec<usize> =
                 rows.flat_map(|row| columns.clone().map(move |column| row * SIZE[0] + column)).collect();
@@ -184,7 +185,7 @@ mod tests {
         let count = SIZE[0] * SIZE[1];
         let mut wall = Sheet { inverse_depths: vec![0.1; count], trust: vec![Trust::Alone; count] };
         let before = wall.clone();
-        assert!(sheet(&view, (&mut wall, &[]), &thing, std::slice::from_ref(&thing), &[]).is_none());
+        assert!(sheet(&view, &mut wall, &[], &thing, std::slice::from_ref(&thing), &[]).is_none());
         assert_eq!(wall, before);
     }
 }

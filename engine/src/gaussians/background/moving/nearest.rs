@@ -18,7 +18,8 @@ impl Nearest {
     /// Those of the pixels of an outline. `own` and `still`: where the returns of the thing and of what stands are in the image.
     pub(super) fn of(
         view: &View,
-        (own, still): (&[DepthSample], &[DepthSample]),
+        own: &[DepthSample],
+        still: &[DepthSample],
         all: &[Thing],
         thing: &Thing,
         outline: &Outline,

@@ -46,11 +46,11 @@ impl Outline {
 
     /// Samples of an image of a width, all of them inside, as those of an image of this rectangle alone.
     pub(super) fn inside(&self, width: usize, samples: &[DepthSample]) -> Vec<DepthSample> {
-        let of = |&DepthSample { pixel, depth }: &DepthSample| {
+        let inner = |&DepthSample { pixel, depth }: &DepthSample| {
             let index = self.index(pixel as usize / width, pixel as usize % width);
             Some(DepthSample { pixel: u32::try_from(index).ok()?, depth })
         };
-        samples.iter().filter_map(of).collect()
+        samples.iter().filter_map(inner).collect()
     }
 
     pub(super) fn index(&self, row: usize, column: usize) -> usize {

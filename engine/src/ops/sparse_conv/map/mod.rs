@@ -32,7 +32,7 @@ pub struct KernelMap {
 pub(super) enum Symmetry {
     /// The pairs of offset `o` are those of offset `num_offsets - 1 - o` with inputs and outputs exchanged.
     Mirrored,
-    /// Nothing is known.
+    /// Not known to be.
     None,
 }
 
@@ -54,7 +54,7 @@ impl KernelMap {
     }
 
     /// Number of output rows.
-    pub fn num_outputs(&self) -> usize {
+    pub(crate) fn num_outputs(&self) -> usize {
         self.num_outputs
     }
 

@@ -48,14 +48,14 @@ mod tests {
 
     #[test]
     fn masks_are_known_by_their_values() {
-        let of = |values: &[(usize, usize)]| {
+        let summary = |values: &[(usize, usize)]| {
             let mut counts = [0; 256];
             values.iter().for_each(|&(grey, count)| counts[grey] = count);
             words(&counts).unwrap_or_default()
         };
-        assert_eq!(of(&[(0, 30), (255, 70)]), "");
-        assert_eq!(of(&[(0, 30), (1, 5), (255, 70)]), "");
-        assert!(of(&[(0, 10), (1, 90)]).contains("0 and 1"));
-        assert!(of(&[(0, 99), (255, 1)]).contains("hides 99 %"));
+        assert_eq!(summary(&[(0, 30), (255, 70)]), "");
+        assert_eq!(summary(&[(0, 30), (1, 5), (255, 70)]), "");
+        assert!(summary(&[(0, 10), (1, 90)]).contains("0 and 1"));
+        assert!(summary(&[(0, 99), (255, 1)]).contains("hides 99 %"));
     }
 }

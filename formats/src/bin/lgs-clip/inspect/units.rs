@@ -72,12 +72,12 @@ fn way_warnings(clip: &Clip) -> Vec<String> {
         }
     }
     let of_name = |name: &str| {
-        let of = |frame: &lgs_formats::clip::Frame| {
+        let frame_places = |frame: &lgs_formats::clip::Frame| {
             let record = frame.cameras.iter().find(|record| record.camera.name == name)?;
             let places = [frame.lidar.world_from_lidar, record.camera.world_from_camera];
             Some(places.map(|pose| pose.translation()))
         };
-        let pairs: Vec<[DVec3; 2]> = clip.frames.iter().filter_map(of).collect();
+        let pairs: Vec<[DVec3; 2]> = clip.frames.iter().filter_map(frame_places).collect();
         let [lidar, camera] = [0, 1].map(|k| way(&pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>()));
         let (still, moves, way) = if lidar < camera { ("the LiDAR", name, camera) } else { (name, "the LiDAR", lidar) };
         let stands = way > MIN_WAY && lidar.min(camera) < STANDS * way;

@@ -9,16 +9,16 @@ const HIDDEN: f32 = 0.5;
 /// What colours count beside places.
 const COLOURS: f32 = 1.0;
 
-/// All that velocities are judged by.
+/// Scores velocities by what other sweeps and the images show.
 #[derive(Clone, Debug)]
-pub(super) struct Judge<'a> {
+pub(super) struct Scorer<'a> {
     pub(super) sweeps: &'a [Sweep],
     pub(super) eyes: &'a Eyes<'a>,
 }
 
-/// How sites are compared.
+/// How the sites of two sweeps are matched.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Care {
+pub(super) struct Matching {
     /// Times the usual distance up to which a place is the same.
     pub(super) tolerance: f32,
     /// How many of the nearest other sweeps are asked.
@@ -27,25 +27,25 @@ pub(super) struct Care {
     pub(super) colours: bool,
 }
 
-impl Care {
+impl Matching {
     /// To find what is roughly right.
     pub(super) const ROUGH: Self = Self { tolerance: 2.0, others: 3, colours: false };
     /// To decide.
     pub(super) const FINE: Self = Self { tolerance: 1.0, others: usize::MAX, colours: true };
 }
 
-impl Judge<'_> {
+impl Scorer<'_> {
     /// How well a velocity explains what is seen of a site: 1 where all find it again, -1 where all see through it; less where its colours change.
-    pub(super) fn score(&self, from: usize, site: usize, velocity: [f32; 2], care: Care) -> f32 {
+    pub(super) fn score(&self, from: usize, site: usize, velocity: [f32; 2], matching: Matching) -> f32 {
         let own = &self.sweeps[from];
         let Site { mean, time, range, .. } = own.sites.sites[site];
         let moving = velocity != [0.0; 2];
         let (mut sum, mut known) = (0.0, 0.0);
-        for other in own.others.iter().take(care.others) {
+        for other in own.others.iter().take(matching.others) {
             let there = &self.sweeps[other.sweep];
             // A thing is seen at about the same place of each turn of the sensor, so the sweeps' own times are what is between.
             let place = [mean[0] + velocity[0] * other.seconds, mean[1] + velocity[1] * other.seconds, mean[2]];
-            if let Some((found, near)) = there.nearest(place, range, care.tolerance) {
+            if let Some((found, near)) = there.nearest(place, range, matching.tolerance) {
                 let share = if moving { 1.0 - STANDS * there.still[found].share } else { 1.0 };
                 sum += near * share;
                 known += 1.0;
@@ -61,7 +61,7 @@ impl Judge<'_> {
             }
         }
         let places = if known > 0.0 { sum / known } else { 0.0 };
-        if care.colours { places - COLOURS * self.eyes.differ(from, mean, time, velocity) } else { places }
+        if matching.colours { places - COLOURS * self.eyes.differ(from, mean, time, velocity) } else { places }
     }
 
     /// How many of the other sweeps that know the place of a site that moves so see through it, and how many know it.
@@ -83,7 +83,7 @@ impl Judge<'_> {
     }
 
     /// The sum of the scores of some sites.
-    pub(super) fn total(&self, from: usize, sites: &[usize], velocity: [f32; 2], care: Care) -> f64 {
-        sites.iter().map(|&site| f64::from(self.score(from, site, velocity, care))).sum()
+    pub(super) fn total(&self, from: usize, sites: &[usize], velocity: [f32; 2], matching: Matching) -> f64 {
+        sites.iter().map(|&site| f64::from(self.score(from, site, velocity, matching))).sum()
     }
 }

@@ -2,17 +2,17 @@
 
 use rand_chacha::{
     ChaCha8Rng,
-    rand_core::{Rng, SeedableRng},
+    rand_core::{Rng as _, SeedableRng},
 };
 
 use super::maths;
 
-/// A reproducible source of draws. Two dice with another seed or another stream are independent.
+/// A reproducible source of draws. Two rng with another seed or another stream are independent.
 #[derive(Clone, Debug)]
-pub(crate) struct Dice(ChaCha8Rng);
+pub(crate) struct Rng(ChaCha8Rng);
 
-impl Dice {
-    /// The dice of `seed` for one purpose (`stream`).
+impl Rng {
+    /// The draws of `seed` for one purpose (`stream`).
     pub(crate) fn new(seed: u64, stream: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
@@ -73,8 +73,8 @@ mod tests {
     #[test]
     fn same_seed_and_stream_same_draws() {
         let draw = |seed, stream| {
-            let mut dice = Dice::new(seed, stream);
-            [dice.unit(), dice.unit(), dice.normal()]
+            let mut rng = Rng::new(seed, stream);
+            [rng.unit(), rng.unit(), rng.normal()]
         };
         assert_eq!(draw(1, 2), draw(1, 2));
         assert_ne!(draw(1, 2), draw(1, 3));
@@ -83,11 +83,11 @@ mod tests {
 
     #[test]
     fn normal_draws_have_unit_variance() {
-        let mut dice = Dice::new(3, 0);
+        let mut rng = Rng::new(3, 0);
         let n = 20_000;
         let (mut sum, mut squares) = (0.0, 0.0);
         for _ in 0..n {
-            let x = dice.normal();
+            let x = rng.normal();
             sum += x;
             squares += x * x;
         }
