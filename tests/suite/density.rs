@@ -103,7 +103,12 @@ fn limit() -> Outcome {
     let street = clips::street();
     let unfit = [street.as_os_str(), "--weights".as_ref(), "none".as_ref(), "--density".as_ref(), "exact".as_ref()];
     run(&binary("lgs-infer")?, &unfit, place.path())?.expect_refusal(&["--density exact", "--weights none"])?;
-    let free = infer(place.path(), "free", &["--density", "exact"])?;
+    let usual = infer(place.path(), "usual", &["--density", "exact"])?;
+    let left = count(&usual, "final")? + count(&usual, "background")?;
+    if left != (lidar + behind) * 70 / 100 || usual["config"]["max_gaussians"] != "70%" {
+        return Err(format!("where nobody names a limit: {}", usual["gaussians"]).into());
+    }
+    let free = infer(place.path(), "free", &["--density", "exact", "--max-gaussians", "none"])?;
     let pruned = count(&free, "pruned")? + count(&free, "background_pruned")?;
     if pruned == 0 || 3 * pruned > lidar + behind {
         return Err(format!("without a limit: {}", free["gaussians"]).into());

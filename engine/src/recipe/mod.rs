@@ -52,17 +52,17 @@ pub struct Recipe {
 }
 
 impl Default for Recipe {
-    /// The network with its query, pruning by exact effects, and three learned steps.
+    /// Everything, and three learned steps: the paper's.
     fn default() -> Self {
         Self {
             background: Mode::Auto,
             coarseness: Coarseness::default(),
             network: true,
             query: true,
-            density: Density::Exact,
+            density: Density::Policy,
             density_scope: Scope::All,
             thresholds: Thresholds::default(),
-            max_gaussians: usual_limit(Density::Exact),
+            max_gaussians: usual_limit(Density::Policy),
             refine_steps: 3,
             adam_steps: 0,
             refine_views: None,

@@ -253,7 +253,7 @@ impl Perturbed {
 
 /// How much pruning by exact effects leaves, in a share of the steps; `None`: there is none.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the two percentages")]
-fn pruned_to(settings: &Settings, dice: &mut Dice) -> Option<Limit> {
+fn pruned_to(settings: &Settings, dice: &mut Rng) -> Option<Limit> {
     let [least, most] = PRUNED_TO;
     let pruned = settings.pruned > 0.0 && dice.chance(settings.pruned);
     pruned.then(|| Limit::Percent(dice.uniform(least, most) as u32))
