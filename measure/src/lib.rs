@@ -19,3 +19,5 @@ pub mod sweep;
 pub mod scaling;
 
 pub mod ablate;
+
+pub mod evaluate;
