@@ -11,9 +11,10 @@
   });
   page().then((viewer) => {
     tell("ready");
+    const [first, end] = viewer.span;
     setInterval(() => {
-      // Playing starts again at the first moment after the last one.
-      if (viewer.isPlaying && viewer.time < last) {
+      // Playing starts again at the first moment after the last one; a single moment is its own end.
+      if (viewer.isPlaying && (viewer.time < last || first === end)) {
         viewer.play(false);
         tell("ended");
       }

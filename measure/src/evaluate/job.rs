@@ -85,6 +85,9 @@ impl EvaluationJob<'_> {
             }
         };
         let (manifest, tried) = job.run(&mut make, tell)?;
+        if self.resume && self.part.is_none() {
+            times::remove_unfinished(self.out)?;
+        }
         Ok((findings(self.out, key, &manifest, &items)?, tried))
     }
 

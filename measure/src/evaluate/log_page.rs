@@ -2,36 +2,27 @@
 
 use lgs_pages::{document, escape};
 
-use super::findings::{Findings, Found};
+use super::{
+    findings::{Findings, Found},
+    scene_page::VIEWER,
+};
 
 const STYLE: &str = include_str!("log_page.css");
 const SCRIPT: &str = include_str!("log_page.js");
-/// What a snippet's page does for the page of its log: it plays when it is told to, and tells when it is at its end.
-const IN_A_LOG: &str = include_str!("in_a_log.js");
-
-/// The page of a scene, made to be played by the page of its log.
-pub fn in_a_log(page: String) -> String {
-    let script = format!("<script>\n{IN_A_LOG}</script>\n</body>");
-    match page.rfind("</body>") {
-        Some(at) => format!("{}{script}{}", &page[..at], &page[at + "</body>".len()..]),
-        None => page,
-    }
-}
-
 /// The file of a log's page.
 pub fn log_file(log: &str) -> String {
     format!("play-{log}.html")
 }
 
 /// The page of a log.
-pub fn log_page(findings: &Findings, log: &str, viewer: &str) -> String {
+pub fn log_page(findings: &Findings, log: &str) -> String {
     let own = || findings.snippets.iter().filter(|found| found.record.log == log);
     let button = |found: &Found| {
         let frames = [&found.record.inputs, &found.record.targets].map(|frames| frames.iter().copied());
         let [first, last] = frames.into_iter().flatten().fold([usize::MAX, 0], |[a, b], f| [a.min(f), b.max(f)]);
         let psnr = found.record.runs.last().and_then(|run| run.mean().get("psnr"));
         let psnr = psnr.map_or(String::new(), |psnr| format!("<small>{psnr:.2} dB</small>"));
-        format!("<button data-page=\"items/{}/{viewer}\">frames {first} to {last}{psnr}</button>\n", found.item)
+        format!("<button data-page=\"items/{}/{VIEWER}\">frames {first} to {last}{psnr}</button>\n", found.item)
     };
     let title = escape(log);
     let buttons: String = own().map(button).collect();

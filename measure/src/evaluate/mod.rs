@@ -15,6 +15,8 @@ pub mod record;
 
 pub mod times;
 
+pub mod scene_page;
+
 pub mod snippet;
 
 pub mod averages;

@@ -13,7 +13,7 @@ use super::{
     log_page::{log_file, log_page},
     page::{Pictures, html},
     paper::paper_table,
-    snippet::{VIEWER, picture_file},
+    snippet::picture_file,
 };
 use crate::{error::Result, records};
 
@@ -92,7 +92,7 @@ pub fn write(out: &Path, findings: &Findings) -> Result<()> {
     put("times.csv", &csv::times(findings))?;
     if findings.key.viewer {
         for log in findings.logs() {
-            put(&log_file(log), &log_page(findings, log, VIEWER))?;
+            put(&log_file(log), &log_page(findings, log))?;
         }
     }
     put("report.html", &html(findings, &|found| pictures(out, found))?)?;

@@ -17,9 +17,9 @@ use lgs_formats::{clip_dir::ClipDir, jobs::Made, ply, viewer};
 
 use super::{
     figures::Figures,
-    log_page::in_a_log,
     protocol::{Protocol, Snippet},
     record::{RunRecord, ShownView, SnippetRecord, ViewRecord},
+    scene_page::{VIEWER, in_a_log},
     times::SnippetTimes,
 };
 use crate::error::{MeasureError, Result};
@@ -194,14 +194,11 @@ impl Evaluator<'_> {
         if self.viewer && is_last {
             let stops: Vec<_> = inputs.views().iter().map(|view| stop(view, shown)).collect();
             let title = format!("{}, frame {first}", session.clip().name);
-            files.push((VIEWER.to_owned(), in_a_log(viewer::html(&cloud, &stops, &title)).into_bytes()));
+            files.push((VIEWER.to_owned(), in_a_log(&viewer::html(&cloud, &stops, &title)).into_bytes()));
         }
         Ok(files)
     }
 }
-
-/// The file of a snippet's page that shows its scene.
-pub const VIEWER: &str = "viewer.html";
 
 /// The file of a snippet's picture.
 pub fn picture_file(kind: PictureKind) -> String {

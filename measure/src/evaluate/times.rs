@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use lgs_formats::error::FormatError;
+use lgs_formats::{error::FormatError, jobs};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -44,6 +44,14 @@ pub fn keep(out: &Path, item: &str, times: &SnippetTimes) -> Result<()> {
     let folder = out.join(TIMES);
     fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))?;
     write_record(&file(out, item), times)
+}
+
+/// Removes what an interrupted write left.
+///
+/// # Errors
+/// A folder that cannot be read or written to.
+pub fn remove_unfinished(out: &Path) -> Result<()> {
+    Ok(jobs::remove_unfinished(&out.join(TIMES))?)
 }
 
 /// What a snippet took; `None` where that is not known.
