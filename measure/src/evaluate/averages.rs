@@ -49,22 +49,8 @@ pub fn averages(records: &[&SnippetRecord], recipe: usize) -> Averages {
 
 #[cfg(test)]
 mod tests {
-    use lgs_engine::{evaluate::ViewFigures, pipeline::GaussianCounts};
-
     use super::*;
-
-    /// A snippet of a log with images of these PSNR; those of the second list have the figure of what moves too.
-    fn snippet(log: &str, psnr: &[f64], dynamic: &[f64]) -> SnippetRecord {
-        let view = |(frame, &psnr): (usize, &f64)| {
-            let psnr_dynamic = dynamic.get(frame).copied();
-            let figures = ViewFigures { psnr: Some(psnr), psnr_dynamic, ..ViewFigures::default() };
-            ViewRecord { frame, camera: "c".to_owned(), figures: Figures::of(&figures, None) }
-        };
-        let views = psnr.iter().enumerate().map(view).collect();
-        let gaussians = GaussianCounts::default().into();
-        let runs = vec![RunRecord { recipe: "own".to_owned(), gaussians, views }];
-        SnippetRecord { log: log.to_owned(), inputs: vec![0], targets: vec![1], runs, shown: None }
-    }
+    use crate::evaluate::samples::snippet;
 
     #[test]
     fn images_snippets_and_logs_weigh_alike_each_in_their_own_mean() {

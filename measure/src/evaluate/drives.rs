@@ -17,7 +17,7 @@ const RECORDS: &str = "tfrecord";
 /// Numbers of the test logs of `PandaSet`.
 ///
 /// # Source
-/// The split of Flux4D, after which the paper evaluates.
+/// The split of `Flux4D`, after which the paper evaluates.
 pub const TEST_LOGS: [u64; 10] = [1, 11, 16, 65, 84, 90, 106, 115, 123, 158];
 
 /// A drive.

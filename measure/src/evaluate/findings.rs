@@ -130,3 +130,39 @@ impl Findings {
         self.protocol() == Name::PandaSet && whole && found == TEST_LOGS
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{
+        protocol::Protocol,
+        samples::{findings, snippet},
+    };
+
+    /// The ten test logs with four snippets each.
+    fn logs() -> Vec<SnippetRecord> {
+        TEST_LOGS.iter().flat_map(|log| (0..4).map(move |_| snippet(&format!("{log:03}"), &[20.0], &[]))).collect()
+    }
+
+    #[test]
+    fn figures_are_of_the_papers_data_for_the_ten_whole_logs_alone() {
+        let of = |records: Vec<SnippetRecord>| findings(&Protocol::pandaset(), records).is_of_the_papers_data();
+        assert!(of(logs()));
+        assert!(!of(logs().split_off(1)), "a snippet is missing");
+        let mut other = logs();
+        other.iter_mut().filter(|record| record.log == "001").for_each(|record| record.log = "002".to_owned());
+        assert!(!of(other), "another log");
+        assert!(!findings(&Protocol::waymo(), logs()).is_of_the_papers_data());
+        let mut failed = findings(&Protocol::pandaset(), logs());
+        failed.failed.push(FailedItem { item: "001-00000".to_owned(), reason: "why".to_owned() });
+        assert!(!failed.is_of_the_papers_data());
+    }
+
+    #[test]
+    fn seconds_are_means_over_the_snippets_of_which_they_are_known() {
+        let mut found = findings(&Protocol::pandaset(), vec![snippet("a", &[20.0], &[]); 3]);
+        assert_eq!(found.seconds(0), Some(2.0));
+        found.snippets[2].times = None;
+        assert_eq!((found.seconds(0), found.seconds(1)), (Some(1.5), None));
+    }
+}

@@ -36,3 +36,6 @@ pub mod log_page;
 pub mod output;
 
 pub mod job;
+
+#[cfg(test)]
+mod samples;

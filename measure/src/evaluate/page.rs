@@ -200,3 +200,35 @@ fn settings(findings: &Findings) -> String {
     };
     table(&["", ""], &lines.iter().map(row).collect::<String>())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{
+        protocol::Protocol,
+        samples::{findings, snippet},
+    };
+
+    #[test]
+    fn no_snippet_is_among_the_worst_and_the_best() {
+        let items = |psnr: &[f64]| {
+            let found = findings(&Protocol::waymo(), psnr.iter().map(|&psnr| snippet("a", &[psnr], &[])).collect());
+            worst_and_best(&found).map(|shown| shown.into_iter().map(|f| f.item.clone()).collect::<Vec<_>>())
+        };
+        assert_eq!(items(&[20.0]), [vec!["a-00000"], vec![]]);
+        assert_eq!(items(&[20.0, 10.0, 30.0]), [vec!["a-00001", "a-00000"], vec!["a-00002"]]);
+        let many: Vec<f64> = (0..9).map(f64::from).collect();
+        assert_eq!(items(&many)[0], ["a-00000", "a-00001", "a-00002"]);
+        assert_eq!(items(&many)[1], ["a-00008", "a-00007", "a-00006"]);
+    }
+
+    #[test]
+    fn names_and_reasons_cannot_become_markup() {
+        let mut found = findings(&Protocol::waymo(), vec![snippet("a", &[20.0], &[])]);
+        found.failed.push(FailedItem { item: "b".to_owned(), reason: "<script>".to_owned() });
+        let page = html::<()>(&found, &|_| Ok(Vec::new())).unwrap();
+        assert!(page.contains("&lt;script&gt;") && page.contains("&lt;own&gt;") && !page.contains("<script>"));
+        assert!(page.contains("28.04") && page.contains("other data than here"));
+        assert!(html(&found, &|_| Err("unreadable")).is_err());
+    }
+}

@@ -1,6 +1,7 @@
 //! Protocols: which cameras at which size, and how a drive is cut into snippets of input and target frames.
 
 use lgs_formats::image::ImageSize;
+use lgs_pages::ranges;
 use serde_json::{Value, json};
 
 use crate::error::{MeasureError, Result};
@@ -150,9 +151,9 @@ impl Protocol {
     pub fn in_words(&self) -> String {
         match &self.cutting {
             Cutting::Windows(Windows { length, stride, held_out, most }) => {
-                let places = held_out.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+                let places = if held_out.is_empty() { "none".to_owned() } else { ranges(held_out) };
                 let most = most.map_or(String::new(), |most| format!(", at most {most} a log"));
-                format!("snippets of {length} frames from every {stride}th frame on{most}; held out: {places}")
+                format!("snippets of {length} frames, one every {stride} frames{most}; held out of each: {places}")
             }
             Cutting::Targets { every, inputs } => {
                 format!("every {every}th frame is held out and drawn from the {inputs} nearest of the others")

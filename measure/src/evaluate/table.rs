@@ -106,3 +106,29 @@ pub fn text(findings: &Findings) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{
+        protocol::Protocol,
+        samples::{findings, snippet},
+    };
+
+    #[test]
+    fn our_rows_stand_below_those_of_the_paper_which_are_marked_as_of_other_data() {
+        let found = findings(&Protocol::pandaset(), vec![snippet("002", &[20.0, 30.0], &[10.0])]);
+        let text = text(&found);
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].starts_with("pandaset protocol: snippets of 11 frames"), "{text}");
+        assert!(text.contains("paper, other data than here: PandaSet"), "{text}");
+        assert!(text.contains("here, 1 snippet of 1 log, 2 images; means over images"), "{text}");
+        let cells = |name: &str| {
+            let line = lines.iter().find(|line| line.trim_start().starts_with(name)).unwrap_or(&"");
+            line.split_whitespace().rev().take(7).map(str::to_owned).collect::<Vec<_>>()
+        };
+        assert_eq!(cells("LGS  "), ["1.92", "1.52", "0.762", "25.03", "2.06", "0.678", "22.43"]);
+        assert_eq!(cells("<own>"), ["1.00", "–", "–", "25.00", "–", "–", "10.00"]);
+        assert_eq!(cells("nearest input"), ["–", "–", "–", "–", "–", "–", "–"]);
+    }
+}

@@ -75,7 +75,8 @@ pub(crate) struct JobArgs {
     #[arg(long, value_name = "A,B|all", value_delimiter = ',')]
     pub(crate) logs: Option<Vec<String>>,
 
-    /// Names of the cameras, separated by commas [default: waymo: FRONT_LEFT,FRONT,FRONT_RIGHT; pandaset: front_camera; own: all]
+    /// Names of the cameras, separated by commas [default: with waymo the three front cameras, with
+    /// pandaset `front_camera`, with own all]
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub(crate) cameras: Option<Vec<String>>,
 
@@ -147,8 +148,8 @@ pub(crate) struct OwnArgs {
     stride: Option<u64>,
 
     /// With own: frames of a snippet, counted in it from 0 on, that are held out and measured; the others are inputs: a list such as 1,3..5;
-    /// `odd`; `every:N`: the N-th, the 2N-th and so on [default: odd]
-    #[arg(long, value_name = "LIST|odd|every:N")]
+    /// `odd`; `every:N`: the N-th, the 2N-th and so on; `none`: scenes without figures [default: odd]
+    #[arg(long, value_name = "LIST|odd|every:N|none")]
     pub(crate) hold_out: Option<HoldOut>,
 
     /// With own: most snippets of a drive, from its beginning [default: all]

@@ -102,7 +102,7 @@ fn protocol(args: &JobArgs) -> Result<Protocol> {
             let mut held_out = rule.indices(length, None)?;
             held_out.sort_unstable();
             held_out.dedup();
-            if held_out.is_empty() || held_out.len() >= length || held_out.iter().any(|&place| place >= length) {
+            if held_out.len() >= length || held_out.iter().any(|&place| place >= length) {
                 bail!("--hold-out: expected some of the {length} frames of a snippet, and not all, found {rule}");
             }
             let windows = Windows { length, stride: own.stride(), held_out, most: own.most() };
