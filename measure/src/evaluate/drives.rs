@@ -12,6 +12,8 @@ use crate::error::{MeasureError, Result};
 
 /// Longest name before what tells equal names apart.
 const MAX_NAME: usize = 100;
+/// Levels of folders that are looked through for drives.
+const MOST_LEVELS: usize = 3;
 /// What the files of Waymo's first form end in.
 const RECORDS: &str = "tfrecord";
 /// Numbers of the test logs of `PandaSet`.
@@ -118,22 +120,36 @@ fn records(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn of_place(place: &Path, logs: &Logs) -> Result<Vec<PathBuf>> {
-    if is_drive(place) {
-        return Ok(vec![place.to_owned()]);
+    let all = inside(place, MOST_LEVELS)?;
+    if all.as_slice() == [place] {
+        return Ok(all);
     }
-    let inside = children(place).map_err(|e| FormatError::io(place, "read", e))?;
-    let drives: Vec<PathBuf> = inside.into_iter().filter(|path| is_drive(path)).collect();
-    if drives.is_empty() {
+    if all.is_empty() {
         let found = format!("{} with none in it", place.display());
         return Err(MeasureError::unfit("DRIVES", "a drive, a folder of drives or a list file", found));
     }
-    let count = drives.len();
-    let wanted: Vec<PathBuf> = drives.into_iter().filter(|path| logs.holds(path)).collect();
+    let count = all.len();
+    let wanted: Vec<PathBuf> = all.into_iter().filter(|path| logs.holds(path)).collect();
     if wanted.is_empty() {
         let found = format!("none of them among the {count} drives of {}", place.display());
         return Err(MeasureError::unfit("logs", format!("one of {}", logs.in_words()), found));
     }
     Ok(wanted)
+}
+
+/// The drive that a place is, or those in it, at most so many levels down: KITTI has folders of dates with drives.
+fn inside(place: &Path, levels: usize) -> Result<Vec<PathBuf>> {
+    if place.is_file() || place.join(CLIP_FILE).exists() || levels == 0 {
+        return Ok(if is_drive(place) { vec![place.to_owned()] } else { Vec::new() });
+    }
+    let all = children(place).map_err(|e| FormatError::io(place, "read", e))?;
+    let below: Vec<PathBuf> = all.into_iter().filter(|path| is_drive(path)).collect();
+    if below.len() < 2 && is_drive(place) {
+        let deeper = below.first().map_or(Ok(Vec::new()), |below| inside(below, levels - 1))?;
+        return Ok(if deeper.len() > 1 { deeper } else { vec![place.to_owned()] });
+    }
+    let all: Vec<Vec<PathBuf>> = below.iter().map(|path| inside(path, levels - 1)).collect::<Result<_>>()?;
+    Ok(all.concat())
 }
 
 /// The name of a folder or file as names of results may be.
@@ -186,6 +202,14 @@ mod tests {
         assert_eq!(of(&["all/002"], &Logs::Numbers(TEST_LOGS.to_vec())).unwrap(), ["002"], "a drive is taken as it is");
         assert_eq!(of(&["waymo"], &Logs::All).unwrap(), ["b", "segment-1_2"]);
         assert_eq!(of(&["list", "all/001"], &Logs::All).unwrap(), ["x_y", "001", "001~2"]);
+        for (date, drive) in [("d1", "a"), ("d1", "b"), ("d2", "c")] {
+            let date = dir.path().join("kitti").join(date);
+            fs::create_dir_all(date.join(drive).join("velodyne_points")).unwrap();
+            fs::write(date.join("calib_cam_to_cam.txt"), "").unwrap();
+        }
+        assert_eq!(of(&["kitti"], &Logs::All).unwrap(), ["a", "b", "d2"], "a folder with one drive is that drive");
+        assert_eq!(of(&["kitti/d1"], &Logs::All).unwrap(), ["a", "b"]);
+        assert_eq!(of(&["kitti/d1/a", "kitti/d2"], &Logs::All).unwrap(), ["a", "d2"]);
         let message = of(&["all"], &Logs::Names(vec!["7".to_owned()])).unwrap_err().to_string();
         assert!(message.starts_with("logs: expected one of 7, found none of them among the 3 drives"), "{message}");
         fs::create_dir(dir.path().join("empty")).unwrap();

@@ -25,6 +25,7 @@ pub(crate) fn cases() -> Vec<Trial> {
         case("eval::job::failed_snippets_are_listed_and_the_others_are_none_the_worse", failures),
         case("eval::job::foreign_layouts_and_the_protocol_of_waymo", foreign),
         case("eval::job::presets_are_evaluated_on_every_snippet", presets),
+        case("eval::job::scenes_of_a_whole_log_need_no_targets", scenes_alone),
         case("eval::job::refusals", refusals),
     ]
 }
@@ -229,6 +230,25 @@ fn presets() -> Outcome {
         Ok(())
     } else {
         Err(format!("{csv}\n{}", finished.stdout).into())
+    }
+}
+
+fn scenes_alone() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let flags = ["--hold-out", "none", "--scenes", "--viewer", "--out", "out"];
+    eval(place.path(), &[&[street().as_str()], SMALL.as_slice(), &flags].concat())?.expect_success()?;
+    let out = place.path().join("out");
+    let found = evaluation(&out)?;
+    let scenes = (0..3).filter(|k| out.join(format!("items/street-0000{k}/scene.ply")).exists()).count();
+    let none = found["means"][0]["image"]["psnr"].is_null() && found["counts"]["images"] == 0;
+    if scenes == 3
+        && none
+        && out.join("play-street.html").exists()
+        && found["snippets"][0]["inputs"] == serde_json::json!([0, 1, 2])
+    {
+        Ok(())
+    } else {
+        Err(format!("{scenes} scenes, {}", found["counts"]).into())
     }
 }
 
