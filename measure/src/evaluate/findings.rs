@@ -35,8 +35,6 @@ pub struct Key {
     pub scenes: bool,
     /// Whether pages are kept that show them.
     pub viewer: bool,
-    /// The drives.
-    pub drives: Vec<RecordedDrive>,
 }
 
 /// A recipe.
@@ -47,16 +45,6 @@ pub struct RecordedRecipe {
     pub name: String,
     /// Every option that says anything.
     pub options: Map<String, Value>,
-}
-
-/// A drive.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RecordedDrive {
-    /// Its name.
-    pub name: String,
-    /// How many frames it has; `None` where it could not be read.
-    pub frames: Option<usize>,
 }
 
 /// A snippet that was evaluated.

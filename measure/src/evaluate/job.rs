@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{
     drives::Drive,
-    findings::{Findings, Found, KEY_FORMAT, Key, RecordedDrive, RecordedRecipe},
+    findings::{Findings, Found, KEY_FORMAT, Key, RecordedRecipe},
     opened::{OpenDrive, num_frames},
     protocol::{Protocol, Snippet},
     record::SnippetRecord,
@@ -42,7 +42,6 @@ pub struct EvaluationJob<'a> {
 /// A drive and its snippets, or why it has none.
 struct Cut<'a> {
     drive: &'a Drive,
-    frames: Option<usize>,
     snippets: std::result::Result<Vec<Snippet>, MeasureError>,
 }
 
@@ -53,8 +52,7 @@ impl EvaluationJob<'_> {
     /// No drive that has snippets; a folder that holds another job, or one that is not to be resumed, or cannot be written to.
     pub fn run(&self, tell: &mut dyn FnMut(ItemEvent<'_>)) -> Result<(Findings, Tried)> {
         let cuts: Vec<Cut<'_>> = self.drives.iter().map(|drive| cut(self.evaluator.protocol, drive)).collect();
-        let key = self.key(&cuts);
-        let cuts = at_least_one(cuts)?;
+        let (key, cuts) = (self.key(), at_least_one(cuts)?);
         let mut names: Vec<String> = Vec::new();
         let mut known: BTreeMap<String, (&Cut<'_>, Option<&Snippet>)> = BTreeMap::new();
         for cut in &cuts {
@@ -91,9 +89,8 @@ impl EvaluationJob<'_> {
         Ok((findings(self.out, key, &manifest, &items)?, tried))
     }
 
-    fn key(&self, cuts: &[Cut<'_>]) -> Key {
+    fn key(&self) -> Key {
         let Evaluator { protocol, recipes, seed, scenes, viewer, .. } = &self.evaluator;
-        let drive = |cut: &Cut<'_>| RecordedDrive { name: cut.drive.name.clone(), frames: cut.frames };
         Key {
             format: KEY_FORMAT.to_owned(),
             protocol: protocol.recorded(),
@@ -103,7 +100,6 @@ impl EvaluationJob<'_> {
             seed: *seed,
             scenes: *scenes,
             viewer: *viewer,
-            drives: cuts.iter().map(drive).collect(),
         }
     }
 }
@@ -122,10 +118,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Findings> {
 }
 
 fn cut<'a>(protocol: &Protocol, drive: &'a Drive) -> Cut<'a> {
-    match num_frames(&drive.path, protocol.cameras.as_deref()) {
-        Ok(frames) => Cut { drive, frames: Some(frames), snippets: protocol.snippets(frames) },
-        Err(error) => Cut { drive, frames: None, snippets: Err(error.into()) },
-    }
+    let frames = num_frames(&drive.path, protocol.cameras.as_deref());
+    Cut { drive, snippets: frames.map_err(MeasureError::from).and_then(|frames| protocol.snippets(frames)) }
 }
 
 /// The drives, once it is known that one of them has snippets.

@@ -46,7 +46,6 @@ pub(super) fn findings(protocol: &Protocol, records: Vec<SnippetRecord>) -> Find
             seed: 0,
             scenes: false,
             viewer: false,
-            drives: Vec::new(),
         },
         snippets: records.into_iter().enumerate().map(found).collect(),
         failed: Vec::new(),

@@ -186,7 +186,20 @@ fn failures() -> Outcome {
     if figures("spoilt-00000").is_none() || figures("spoilt-00000") != figures("good-00000") {
         return Err("a snippet before the spoilt frame has other figures than without that frame".into());
     }
-    Ok(())
+    // What is mended is done, and nothing else.
+    let mended = place.path().join("mended");
+    clips::short(&mended, 5)?;
+    fs::copy(clips::named_file(&mended, "/frames/4/cameras/0/file")?, &image)?;
+    fs::remove_dir_all(place.path().join("empty"))?;
+    fs::rename(&mended, place.path().join("empty"))?;
+    let resumed = eval(place.path(), &[&["list"], SMALL.as_slice(), &["--out", "out", "--resume"]].concat())?;
+    resumed.expect_success()?;
+    let (found, told) = (evaluation(&place.path().join("out"))?, "4 snippets to do, 5 done before");
+    if found["counts"]["snippets"] == 9 && resumed.stderr.contains(told) {
+        Ok(())
+    } else {
+        Err(format!("{}: {}", found["counts"], resumed.stderr).into())
+    }
 }
 
 fn foreign() -> Outcome {
