@@ -169,15 +169,19 @@ fn failures(failed: &[FailedItem]) -> String {
     table(&["snippet", "why"], &failed.iter().map(line).collect::<String>())
 }
 
+/// A value of JSON as people read it.
+fn words(value: &serde_json::Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
 fn settings(findings: &Findings) -> String {
     let key = &findings.key;
-    let words = |value: &serde_json::Value| match value {
-        serde_json::Value::String(text) => text.clone(),
-        other => other.to_string(),
-    };
+    let size = key.protocol["image_size"].as_array().map(|size| size.iter().map(words).collect::<Vec<_>>().join(" x "));
+    let cameras = key.protocol["cameras"].as_array();
+    let cameras = cameras.map(|names| names.iter().map(words).collect::<Vec<_>>().join(", "));
     let mut lines: Vec<[String; 2]> = vec![
-        ["cameras".to_owned(), words(&key.protocol["cameras"])],
-        ["image size".to_owned(), words(&key.protocol["image_size"])],
+        ["cameras".to_owned(), cameras.unwrap_or_else(|| "all".to_owned())],
+        ["image size".to_owned(), size.unwrap_or_else(|| "that of each image".to_owned())],
         ["weights (SHA-256)".to_owned(), key.weights.clone().unwrap_or_else(|| "none".to_owned())],
         ["weights of LPIPS (SHA-256)".to_owned(), key.lpips_weights.clone().unwrap_or_else(|| "none".to_owned())],
         ["seed".to_owned(), key.seed.to_string()],
@@ -198,7 +202,7 @@ fn settings(findings: &Findings) -> String {
     let row = |[name, value]: &[String; 2]| {
         format!("<tr><th>{}</th><td class=\"reason\">{}</td></tr>\n", escape(name), escape(value))
     };
-    table(&["", ""], &lines.iter().map(row).collect::<String>())
+    table(&["setting", ""], &lines.iter().map(row).collect::<String>())
 }
 
 #[cfg(test)]

@@ -153,7 +153,9 @@ impl Protocol {
             Cutting::Windows(Windows { length, stride, held_out, most }) => {
                 let places = if held_out.is_empty() { "none".to_owned() } else { ranges(held_out) };
                 let most = most.map_or(String::new(), |most| format!(", at most {most} a log"));
-                format!("snippets of {length} frames, one every {stride} frames{most}; held out of each: {places}")
+                format!(
+                    "snippets of {length} frames, from one start to the next {stride}{most}; held out of each: {places}"
+                )
             }
             Cutting::Targets { every, inputs } => {
                 format!("every {every}th frame is held out and drawn from the {inputs} nearest of the others")

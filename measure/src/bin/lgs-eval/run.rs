@@ -147,7 +147,7 @@ fn recipes(args: &JobArgs, model: Option<&LoadedModel>) -> Result<Vec<NamedRecip
     };
     if presets.is_empty() {
         return Ok(vec![NamedRecipe {
-            name: "LGS, here".to_owned(),
+            name: "LGS (here)".to_owned(),
             recipe: fitted(args.recipe.of(Recipe::default())),
         }]);
     }
