@@ -21,3 +21,4 @@ pub mod scaling;
 pub mod ablate;
 
 pub mod density;
+pub mod evaluate;

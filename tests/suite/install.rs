@@ -16,7 +16,7 @@ use libtest_mimic::Trial;
 /// The page whose commands run here.
 const PAGE: &str = "docs/install.md";
 /// The programs of all packages.
-const PROGRAMS: [&str; 5] = ["lgs-clip", "lgs-infer", "lgs-sweep", "lgs-targetgen", "lgs-train"];
+const PROGRAMS: [&str; 6] = ["lgs-clip", "lgs-eval", "lgs-infer", "lgs-sweep", "lgs-targetgen", "lgs-train"];
 /// Flags of a run of a second.
 const SMALL: [&str; 6] = ["--image-size", "48x80", "--frames", "0..2", "--views", "none"];
 

@@ -2,6 +2,7 @@
 
 mod cli;
 mod density;
+mod eval;
 mod extremes;
 mod golden;
 mod importers;
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
     cases.extend(targetgen::cases());
     cases.extend(scaling::cases());
     cases.extend(sweep::cases());
+    cases.extend(eval::cases());
     cases.extend(viewer::cases());
     cases.extend(readers::cases());
     cases.extend(readme::cases());

@@ -62,7 +62,7 @@ impl PinholeView {
     }
 
     /// As [`PinholeView::project`], of a point that is there at the view's time and moves with a velocity, metres a second.
-    pub(crate) fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
+    pub fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
         let Some(shutter) = &self.shutter else { return self.project_now(point) };
         let taking = self.taking(shutter, point, velocity);
         let seconds = taking.time - self.time;

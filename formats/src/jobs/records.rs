@@ -182,6 +182,7 @@ impl ItemStore for Folder<'_> {
         if !made.files.is_empty() {
             let folder = self.root.join(ITEMS).join(item);
             fs::create_dir_all(&folder).map_err(|e| FormatError::io(&folder, "create", e))?;
+            remove_unfinished(&folder)?;
         }
         let mut files = Vec::with_capacity(made.files.len());
         for (name, bytes) in made.files {
@@ -307,6 +308,8 @@ impl RecordManifest {
         let failed = first.items.iter().filter_map(failed_of).cloned().collect();
         let manifest = store.finish(&Items { all: &first.items, part: None, resume: true }, failed)?;
         remove_parts(&parts, out)?;
+        remove_unfinished(out)?;
+        remove_unfinished(&folder)?;
         Ok(manifest)
     }
 }

@@ -30,7 +30,7 @@ mod tests;
 mod write;
 
 pub use read::read_ply;
-pub use write::{Higher, write_plain_ply, write_ply};
+pub use write::{Higher, to_bytes, write_plain_ply, write_ply};
 pub(crate) use write::{check_lengths, encode};
 
 const POSITION: [&str; 3] = ["x", "y", "z"];

@@ -53,8 +53,11 @@ pub fn write_plain_ply(path: &Path, cloud: &SplatCloud, higher: Higher) -> Resul
     write_atomic(path, &bytes)
 }
 
-/// The bytes of the file; `path` is what errors name.
-pub(super) fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
+/// The bytes of the file that [`write_ply`] writes; `path` is what errors name.
+///
+/// # Errors
+/// Those of [`write_ply`], but for the path.
+pub fn to_bytes(path: &Path, cloud: &SplatCloud) -> Result<Vec<u8>> {
     check_lengths(path, cloud)?;
     check_extra_names(path, cloud)?;
     let frames = cloud.frames.as_deref();

@@ -1,0 +1,292 @@
+//! Figures, parts, failures, refusals.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use lgs_tests::process::{binary, run};
+use lgs_tests::{Needed, Outcome, case, case_if, clips, layouts, metrics, places};
+use libtest_mimic::{Failed, Trial};
+use serde_json::Value;
+
+use super::{SMALL, eval, evaluation, same_product};
+
+pub(crate) fn cases() -> Vec<Trial> {
+    let bash = if Command::new("bash").arg("-c").arg("true").status().is_ok_and(|status| status.success()) {
+        Needed::Here
+    } else {
+        Needed::Missing("bash".to_owned())
+    };
+    vec![
+        case("eval::job::figures_are_those_of_inference", figures_are_those_of_inference),
+        case("eval::job::parts_threads_and_whole_are_the_same_bytes", parts_and_whole),
+        case_if(&bash, "eval::job::batch_scripts_do_a_whole_job", batch_scripts),
+        case_if(&slurm(), "eval::job::an_array_under_slurm", under_slurm),
+        case("eval::job::failed_snippets_are_listed_and_the_others_are_none_the_worse", failures),
+        case("eval::job::foreign_layouts_and_the_protocol_of_waymo", foreign),
+        case("eval::job::presets_are_evaluated_on_every_snippet", presets),
+        case("eval::job::scenes_of_a_whole_log_need_no_targets", scenes_alone),
+        case("eval::job::refusals", refusals),
+    ]
+}
+
+fn street() -> String {
+    clips::street().display().to_string()
+}
+
+fn figures_are_those_of_inference() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let shared = ["--weights", "none", "--image-size", "48x80"];
+    let own = ["--protocol", "own", "--snippet-frames", "5", "--out", "evaluated"];
+    eval(place.path(), &[&[street().as_str()], own.as_slice(), &shared].concat())?.expect_success()?;
+    let street = street();
+    let views = [street.as_str(), "--hold-out", "odd", "--views", "held-out", "--out", "inferred"];
+    run(&binary("lgs-infer")?, &[views.as_slice(), &shared].concat(), place.path())?.expect_success()?;
+    let (found, inferred) =
+        (evaluation(&place.path().join("evaluated"))?, metrics::read(&place.path().join("inferred"))?);
+    let mean = &found["means"][0]["image"];
+    for key in ["psnr", "psnr_copying", "ssim", "dmae", "psnr_dynamic", "ssim_static"] {
+        let (got, want) = (&mean[key], &inferred["mean"]["held_out"][key]);
+        if got != want || !got.is_number() {
+            return Err(format!("{key}: got {got}, lgs-infer says {want}").into());
+        }
+    }
+    // Things move in the clip, and returns lie on them.
+    let dynamic = metrics::number(mean, &["dmae_dynamic"])?;
+    if dynamic > 0.0 && found["means"][0]["images"]["dmae_dynamic"] == 4 && mean["lpips"].is_null() {
+        Ok(())
+    } else {
+        Err(format!("{}", found["means"][0]).into())
+    }
+}
+
+fn parts_and_whole() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let (street, kept) = (street(), ["--scenes", "--viewer"]);
+    let go = |more: &[&str]| -> Outcome {
+        eval(place.path(), &[&[street.as_str()], SMALL.as_slice(), &kept, more].concat())?.expect_success()
+    };
+    go(&["--out", "whole", "--threads", "1"])?;
+    for part in ["3/3", "1/3", "2/3"] {
+        go(&["--out", "parts", "--part", part, "--threads", "2"])?;
+    }
+    go(&["--out", "apart", "--part", "1/2"])?;
+    eval(place.path(), &["merge", "apart", "--out", "nothing"])?.expect_refusal(&["part-2-of-2.json"])?;
+    eval(place.path(), &["merge", "parts"])?.expect_success()?;
+    fs::remove_file(place.path().join("parts/shares.json")).or_else(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => Ok(()),
+        _ => Err(e),
+    })?;
+    same_product(&place.path().join("parts"), &place.path().join("whole"))?;
+    if !fs::read_to_string(place.path().join("parts/times.csv"))?.contains("street-00002,") {
+        return Err("the times of the parts are lost".into());
+    }
+    // What is done is not done again, and under other flags it is another job.
+    let again = eval(place.path(), &[&[street.as_str()], SMALL.as_slice(), &kept, &["--out", "whole"]].concat())?;
+    again.expect_one_line_at_the_end(&["--resume"])?;
+    let other = eval(place.path(), &[&[street.as_str()], SMALL.as_slice(), &["--out", "whole", "--resume"]].concat())?;
+    other.expect_one_line_at_the_end(&["key"])?;
+    go(&["--out", "whole", "--resume"])
+}
+
+/// A folder with a drive, its list and the program under its name, and the variable of programs in which that comes first.
+fn place_of_scripts() -> Result<(tempfile::TempDir, String), Failed> {
+    let place = tempfile::tempdir()?;
+    clips::short(&place.path().join("tiny"), 5)?;
+    fs::write(place.path().join("drives.txt"), "tiny\n")?;
+    let program = place.path().join("lgs-eval");
+    fs::write(&program, format!("#!/bin/sh\nexec {} \"$@\"\n", binary("lgs-eval")?.display()))?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        fs::set_permissions(&program, fs::Permissions::from_mode(0o755))?;
+    }
+    let path = format!("{}:{}", place.path().display(), std::env::var("PATH").unwrap_or_default());
+    Ok((place, path))
+}
+
+fn script(name: &str) -> PathBuf {
+    places::repository().join("measure/deploy").join(name)
+}
+
+/// Runs a command that goes by the variables of the scripts, to its end.
+fn with_variables(command: &mut Command, place: &Path, path: &str) -> Outcome {
+    command.current_dir(place).env("PATH", path).env("PROTOCOL", "own").env("FLAGS", SMALL[2..].join(" "));
+    let output = command.output()?;
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    if output.status.success() {
+        Ok(())
+    } else {
+        Err(format!("{command:?}: {:?}: {said}", output.status.code()).into())
+    }
+}
+
+/// Joins the shares, which are to be what one run gives.
+fn merged_is_whole(place: &Path, path: &str) -> Outcome {
+    with_variables(Command::new("bash").arg(script("eval-merge.sbatch")), place, path)?;
+    eval(place, &[&["drives.txt"], SMALL.as_slice(), &["--out", "whole"]].concat())?.expect_success()?;
+    same_product(&place.join("evaluation"), &place.join("whole"))
+}
+
+fn batch_scripts() -> Outcome {
+    let (place, path) = place_of_scripts()?;
+    // The second task failed and is submitted alone.
+    for [task, min, count] in [["1", "1", "3"], ["3", "1", "3"], ["2", "2", "1"]] {
+        let array = [("ID", task), ("MIN", min), ("COUNT", count)];
+        let mut command = Command::new("bash");
+        command.arg(script("eval.sbatch")).envs(array.map(|(name, value)| (format!("SLURM_ARRAY_TASK_{name}"), value)));
+        with_variables(&mut command, place.path(), &path)?;
+    }
+    merged_is_whole(place.path(), &path)
+}
+
+/// Whether a Slurm answers that has nodes.
+fn slurm() -> Needed {
+    let answer = Command::new("sinfo").args(["--noheader", "--states=idle"]).output();
+    if answer.is_ok_and(|answer| answer.status.success() && !answer.stdout.is_empty()) {
+        Needed::Here
+    } else {
+        Needed::Missing("a Slurm with a node that is idle".to_owned())
+    }
+}
+
+fn under_slurm() -> Outcome {
+    let (place, path) = place_of_scripts()?;
+    let mut command = Command::new("sbatch");
+    with_variables(command.args(["--wait", "--export=ALL"]).arg(script("eval.sbatch")), place.path(), &path)?;
+    merged_is_whole(place.path(), &path)
+}
+
+fn failures() -> Outcome {
+    let place = tempfile::tempdir()?;
+    for name in ["good", "spoilt"] {
+        clips::short(&place.path().join(name), 5)?;
+    }
+    fs::create_dir(place.path().join("empty"))?;
+    fs::write(place.path().join("empty/clip.json"), "{}")?;
+    let image = clips::named_file(&place.path().join("spoilt"), "/frames/4/cameras/0/file")?;
+    fs::write(&image, "no image")?;
+    fs::write(place.path().join("list"), "good\nspoilt\nempty\n")?;
+    let finished = eval(place.path(), &[&["list"], SMALL.as_slice(), &["--out", "out"]].concat())?;
+    let found = evaluation(&place.path().join("out"))?;
+    let names: Vec<&str> =
+        found["failed"].as_array().into_iter().flatten().filter_map(|failed| failed["item"].as_str()).collect();
+    if finished.code != Some(1) || names != ["spoilt-00002", "empty"] || found["counts"]["snippets"] != 5 {
+        return Err(format!("exit {:?}, failed {names:?}, {}", finished.code, found["counts"]).into());
+    }
+    let name = image.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    if !finished.stderr.contains(&name) || !fs::read_to_string(place.path().join("out/report.html"))?.contains(&name) {
+        return Err(format!("nothing says what is wrong with {name}: {}", finished.stderr).into());
+    }
+    // Snippets of the drive that cannot be opened as a whole are what those of the good one are.
+    let figures = |snippet: &str| -> Option<Value> {
+        let all = found["snippets"].as_array()?;
+        Some(all.iter().find(|other| other["snippet"] == snippet)?["runs"].clone())
+    };
+    if figures("spoilt-00000").is_none() || figures("spoilt-00000") != figures("good-00000") {
+        return Err("a snippet before the spoilt frame has other figures than without that frame".into());
+    }
+    // What is mended is done, and nothing else.
+    let mended = place.path().join("mended");
+    clips::short(&mended, 5)?;
+    fs::copy(clips::named_file(&mended, "/frames/4/cameras/0/file")?, &image)?;
+    fs::remove_dir_all(place.path().join("empty"))?;
+    fs::rename(&mended, place.path().join("empty"))?;
+    let resumed = eval(place.path(), &[&["list"], SMALL.as_slice(), &["--out", "out", "--resume"]].concat())?;
+    resumed.expect_success()?;
+    let (found, told) = (evaluation(&place.path().join("out"))?, "4 snippets to do, 5 done before");
+    if found["counts"]["snippets"] == 9 && resumed.stderr.contains(told) {
+        Ok(())
+    } else {
+        Err(format!("{}: {}", found["counts"], resumed.stderr).into())
+    }
+}
+
+fn foreign() -> Outcome {
+    let place = tempfile::tempdir()?;
+    for found in layouts::FOREIGN {
+        let (drive, layout) = (found.path().display().to_string(), found.folder);
+        let out = format!("out-{layout}");
+        eval(place.path(), &[&[drive.as_str()], SMALL.as_slice(), &["--out", &out]].concat())?.expect_success()?;
+        if !metrics::number(&evaluation(&place.path().join(out))?["means"][0], &["image", "psnr"])?.is_finite() {
+            return Err(format!("{layout}: no PSNR").into());
+        }
+    }
+    let drive = places::repository().join("tests/fixtures/waymo_drive/synthetic.tfrecord").display().to_string();
+    let finished = eval(place.path(), &[&drive, "--protocol", "waymo", "--weights", "none", "--out", "waymo"])?;
+    finished.expect_success()?;
+    let found = evaluation(&place.path().join("waymo"))?;
+    let (snippet, images) = (&found["snippets"][0], &found["counts"]["images"]);
+    let right = snippet["inputs"] == serde_json::json!([7, 8, 10]) && snippet["targets"] == serde_json::json!([9]);
+    let marked = finished.stdout.contains("paper, other data than here: Waymo") && finished.stdout.contains("28.04");
+    if right && marked && *images == 3 && found["counts"]["snippets"] == 1 {
+        Ok(())
+    } else {
+        Err(format!("{snippet} {images}\n{}", finished.stdout).into())
+    }
+}
+
+fn presets() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let flags = ["--max-snippets", "2", "--sweep-presets", "--scenes", "--out", "out"];
+    let finished = eval(place.path(), &[&[street().as_str()], SMALL.as_slice(), &flags].concat())?;
+    finished.expect_success()?;
+    let found = evaluation(&place.path().join("out"))?;
+    let names: Vec<&str> =
+        found["means"].as_array().into_iter().flatten().filter_map(|m| m["recipe"].as_str()).collect();
+    if names != ["fast", "balanced", "accurate"] || found["counts"]["snippets"] != 2 {
+        return Err(format!("{names:?}: {}", found["counts"]).into());
+    }
+    let csv = fs::read_to_string(place.path().join("out/times.csv"))?;
+    let scene = place.path().join("out/items/street-00001/scene-accurate.ply");
+    if csv.lines().count() == 7 && scene.exists() && finished.stdout.contains("balanced") {
+        Ok(())
+    } else {
+        Err(format!("{csv}\n{}", finished.stdout).into())
+    }
+}
+
+fn scenes_alone() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let flags = ["--hold-out", "none", "--scenes", "--viewer", "--out", "out"];
+    eval(place.path(), &[&[street().as_str()], SMALL.as_slice(), &flags].concat())?.expect_success()?;
+    let out = place.path().join("out");
+    let found = evaluation(&out)?;
+    let scenes = (0..3).filter(|k| out.join(format!("items/street-0000{k}/scene.ply")).exists()).count();
+    let none = found["means"][0]["image"]["psnr"].is_null() && found["counts"]["images"] == 0;
+    if scenes == 3
+        && none
+        && out.join("play-street.html").exists()
+        && found["snippets"][0]["inputs"] == serde_json::json!([0, 1, 2])
+    {
+        Ok(())
+    } else {
+        Err(format!("{scenes} scenes, {}", found["counts"]).into())
+    }
+}
+
+fn refusals() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let street = street();
+    let refused = |arguments: &[&str], names: &[&str]| -> Outcome {
+        eval(place.path(), &[arguments, &["--out", "out"]].concat())?.expect_refusal(names)?;
+        if place.path().join("out").exists() {
+            Err(format!("{arguments:?}: the output was begun").into())
+        } else {
+            Ok(())
+        }
+    };
+    let own = [street.as_str(), "--protocol", "own"];
+    refused(&["nowhere", "--protocol", "own"], &["nowhere"])?;
+    refused(&[&street, "--protocol", "pandaset"], &["street", "at least 11 frames", "found 5"])?;
+    refused(&[&street, "--protocol", "waymo", "--stride", "3"], &["--stride", "--protocol own"])?;
+    refused(&[own.as_slice(), &["--snippet-frames", "3", "--hold-out", "3"]].concat(), &["--hold-out"])?;
+    refused(&[own.as_slice(), &["--sweep-presets", "--refine-steps", "2"]].concat(), &["--refine-steps"])?;
+    refused(&[own.as_slice(), &["--weights", "none", "--density", "exact"]].concat(), &["--density exact"])?;
+    refused(&[own.as_slice(), &["--lpips-weights", "no_such"]].concat(), &["no_such"])?;
+    refused(&["--protocol", "own", &place.path().display().to_string()], &["DRIVES"])?;
+    eval(place.path(), &["merge", "nowhere"])?.expect_refusal(&["nowhere"])?;
+    fs::write(place.path().join("out"), "a file")?;
+    let onto = eval(place.path(), &[own.as_slice(), &SMALL[2..], &["--out", "out"]].concat())?;
+    onto.expect_one_line_at_the_end(&["out"])
+}
