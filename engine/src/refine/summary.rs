@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::ViewSchedule;
 use crate::objective::Objective;
+use crate::render::Device;
 
 /// After which learned steps every Gaussian's length of the step is searched for, where the model's config asks for that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -49,6 +50,8 @@ pub struct RefineSettings {
     pub line_search: LineSearch,
     /// Whether per-scene optimisation follows: then the last measurement takes the gradient of the loss too, where there is one.
     pub optimised_after: bool,
+    /// Where views are drawn.
+    pub device: Device,
 }
 
 impl From<usize> for RefineSettings {
@@ -61,6 +64,7 @@ impl From<usize> for RefineSettings {
             until: None,
             line_search: LineSearch::Every,
             optimised_after: false,
+            device: Device::Cpu,
         }
     }
 }
