@@ -4,6 +4,7 @@ mod cli;
 mod density;
 mod extremes;
 mod golden;
+mod gpu;
 mod importers;
 mod install;
 mod network;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
     let mut cases: Vec<Trial> = Vec::new();
     cases.extend(golden::cases());
     cases.extend(render::cases());
+    cases.extend(gpu::cases());
     cases.extend(network::cases());
     cases.extend(train::cases());
     cases.extend(structure::cases());

@@ -4,7 +4,6 @@ pub mod browser;
 pub mod clips;
 pub mod compare;
 pub mod golden;
-pub mod gpu;
 pub mod hostile;
 pub mod hostile_models;
 pub mod layouts;

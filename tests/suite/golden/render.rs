@@ -12,8 +12,10 @@ use lgs_tests::pictures::with_pictures;
 use lgs_tests::scenes::{
     GRADIENT_PARTS, flat_gradient, gradients_of, image_gradient, images_of, pinhole, splats, weighted_sum,
 };
-use lgs_tests::{Outcome, case, case_if, gpu as adapter};
+use lgs_tests::{Outcome, case, case_if};
 use libtest_mimic::Trial;
+
+use crate::gpu::adapter;
 
 const BLACK: [f64; 3] = [0.0; 3];
 /// The images were stored as f32.

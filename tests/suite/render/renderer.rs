@@ -2,9 +2,11 @@
 
 use lgs_engine::render::reference::{self, Gradient, Images};
 use lgs_engine::render::{backward, gpu, render, render_for_gradient};
-use lgs_tests::{Needed, case_if, gpu as adapter};
+use lgs_tests::{Needed, case_if};
 use lgs_tests::scenes::{Scene, flat_gradient, gradients_of, image_gradient, images_of, pinhole, splats};
 use libtest_mimic::Trial;
+
+use crate::gpu::adapter;
 
 /// A renderer under test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -76,6 +76,12 @@ impl Gpu {
         }
     }
 
+    /// Stops it, as if it had been lost: what it is asked for from now on is refused.
+    pub fn stop(&self) {
+        self.device.destroy();
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert("it was stopped".to_owned());
+    }
+
     /// Whether it works.
     ///
     /// # Errors
@@ -117,6 +123,19 @@ pub fn open(index: usize) -> Result<&'static Gpu, GpuError> {
     let gpu: &'static Gpu = Box::leak(Box::new(opened_gpu(index, adapter)?));
     opened.push((index, gpu));
     Ok(gpu)
+}
+
+/// The GPU of a number, as if it gave out less memory at once: for who wants to see what does not fit.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_limited(index: usize, most_bytes: u64) -> Result<&'static Gpu, GpuError> {
+    let found = found();
+    let adapter = found
+        .get(index)
+        .ok_or_else(|| GpuError::NotOpened(format!("expected a GPU of number {index}, found {}", found.len())))?;
+    let opened = opened_gpu(index, adapter)?;
+    Ok(Box::leak(Box::new(Gpu { most_bytes: opened.most_bytes.min(most_bytes), ..opened })))
 }
 
 fn opened_gpu(index: usize, adapter: &wgpu::Adapter) -> Result<Gpu, GpuError> {

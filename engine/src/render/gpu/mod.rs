@@ -20,11 +20,9 @@ use super::{ImageGradient, Rendered};
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
-
-pub use device::{Adapter, Gpu, GpuError, adapters, open};
+pub use device::{Adapter, Gpu, GpuError, adapters, open, open_limited};
 pub(crate) use forward::Drawn;
 pub(crate) use kernels::{Kernel, single};
-
 pub(crate) use work::{Work, groups_over};
 
 /// As [`render`](super::render), on a GPU.

@@ -3,14 +3,13 @@
 use std::sync::OnceLock;
 
 use lgs_engine::render::gpu::{Gpu, adapters, open};
-
-use crate::Needed;
+use lgs_tests::Needed;
 
 /// The GPU, where there is one.
 ///
 /// # Errors
 /// What a case that needs one waits for.
-pub fn gpu() -> Result<&'static Gpu, Needed> {
+pub(crate) fn gpu() -> Result<&'static Gpu, Needed> {
     static OPENED: OnceLock<Result<&'static Gpu, Needed>> = OnceLock::new();
     let opened = || {
         let mut found = adapters();
@@ -22,6 +21,6 @@ pub fn gpu() -> Result<&'static Gpu, Needed> {
 }
 
 /// Whether there is one.
-pub fn needed() -> Needed {
+pub(crate) fn needed() -> Needed {
     gpu().map_or_else(|needed| needed, |_| Needed::Here)
 }
