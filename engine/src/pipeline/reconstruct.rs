@@ -194,14 +194,10 @@ impl<'a> Begun<'a> {
 impl Reconstruction {
     /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
     /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub fn begin_adam(
-        &mut self,
-        (schedule, device): (ViewSchedule, Device),
-        reduce: usize,
-        num_views: usize,
-    ) -> Adam {
+    pub fn begin_adam(&mut self, (schedule, device): (ViewSchedule, Device), reduce: usize, num_views: usize) -> Adam {
         let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
-        let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start, device });
+        let mut adam =
+            Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start, device });
         let measured = self.measured.take();
         adam.begin_with(measured.filter(|measured| measured.reduce == reduce && schedule.take_all(num_views)));
         adam

@@ -71,7 +71,8 @@ impl DeviceChoice {
             Self::Gpu(index) => {
                 let adapters = gpu::adapters();
                 let first = || adapters.iter().min_by_key(|adapter| adapter.is_software).map(|adapter| adapter.index);
-                let found = index.filter(|&index| index < adapters.len()).or_else(|| first().filter(|_| index.is_none()));
+                let found =
+                    index.filter(|&index| index < adapters.len()).or_else(|| first().filter(|_| index.is_none()));
                 let Some(index) = found else {
                     return Err(self.missing(format!("{} GPUs", adapters.len())));
                 };

@@ -96,7 +96,13 @@ pub const AXES: [Axis; 12] = [
         usual: "1",
         help: "How many times smaller in width and height the images are that a step looks at, 1 to 64",
     },
-    Axis { name: "device", knobs: &["device"], none: "", usual: "auto", help: "Where views are drawn: auto, cpu, gpu or gpu:N" },
+    Axis {
+        name: "device",
+        knobs: &["device"],
+        none: "",
+        usual: "auto",
+        help: "Where views are drawn: auto, cpu, gpu or gpu:N",
+    },
 ];
 
 impl Axis {

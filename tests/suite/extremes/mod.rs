@@ -13,8 +13,10 @@ mod set_update_and_targets;
 mod table;
 mod tiny;
 
-use lgs_tests::{Outcome, case};
+use lgs_tests::{Outcome, case, case_if};
 use libtest_mimic::Trial;
+
+use crate::gpu::adapter;
 
 /// One extreme input.
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +67,11 @@ pub(crate) fn cases(others: Vec<String>) -> Vec<Trial> {
     let mut cases = Vec::new();
     for group in GROUPS {
         cases.extend(group.cases.iter().map(|one| case(format!("extremes::{}::{}", group.name, one.name), one.body)));
+    }
+    let needed = adapter::needed();
+    for one in gaussians::CASES {
+        let body = || tiny::on_gpu(one.body);
+        cases.push(case_if(&needed, format!("gpu::extremes::{}", one.name), body));
     }
     cases.push(case("extremes::table_is_that_of_the_cases", move || table::check(&others)));
     cases

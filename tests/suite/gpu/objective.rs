@@ -7,11 +7,12 @@ use lgs_engine::refine::step_lengths;
 use lgs_engine::render::Device;
 use lgs_engine::render::reference::Gaussian;
 use lgs_engine::views::{DepthSample, Role, View};
+use lgs_formats::casts::to_u32;
 use lgs_formats::image::{PixelLabel, RgbImage};
+use lgs_tests::Outcome;
 use lgs_tests::compare::same_bits;
 use lgs_tests::random::Random;
 use lgs_tests::scenes::{Look, pinhole, random_scene};
-use lgs_tests::Outcome;
 
 use super::{adapter, near};
 
@@ -58,10 +59,11 @@ fn scene(look: Look) -> (GaussianSet, [View; 2]) {
         let value = |i: usize| narrow(0.2 + 0.6 * (i / 3 % look.width) as f64 / look.width as f64);
         let data = (0..3 * pixels).map(|i| value(i) + narrow(random.uniform(-0.1, 0.1))).collect();
         let label = |p: usize| {
-            let inside = (look.width / 4..look.width / 2).contains(&(p % look.width)) && p / look.width < look.height / 2;
+            let inside =
+                (look.width / 4..look.width / 2).contains(&(p % look.width)) && p / look.width < look.height / 2;
             if inside { PixelLabel::Ignored } else { PixelLabel::Static }
         };
-        let sample = |p: usize| DepthSample { pixel: u32::try_from(p).unwrap(), depth: narrow(2.0 + (p % 90) as f64 / 9.0) };
+        let sample = |p: usize| DepthSample { pixel: to_u32(p), depth: narrow(2.0 + (p % 90) as f64 / 9.0) };
         View {
             frame: number,
             camera: "camera".to_owned(),
@@ -145,7 +147,10 @@ fn lengths_of_steps_are_the_cpus() -> Outcome {
     let before = objective_with(&set, &views, &LossWeights::default(), wanted).images;
     let mut after = set;
     let mut random = Random::new(203);
-    after.attributes.iter_mut().for_each(|row| row[11..].iter_mut().for_each(|c| *c += narrow(random.uniform(-0.5, 0.7))));
+    after
+        .attributes
+        .iter_mut()
+        .for_each(|row| row[11..].iter_mut().for_each(|c| *c += narrow(random.uniform(-0.5, 0.7))));
     let lengths = |device: Device| step_lengths(device, &before, &after, &views);
     let (got, want) = (lengths(on_gpu()?), lengths(Device::Cpu));
     if !want.iter().any(|&length| length > 0.6 && length < 0.9) {

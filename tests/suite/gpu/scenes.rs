@@ -6,15 +6,14 @@ use lgs_engine::render::reference::{self, fragile_pixels};
 use lgs_engine::render::{Device, ImageGradient, backward, render, render_for_gradient};
 use lgs_engine::views::{PinholeView, Shutter};
 use lgs_formats::{camera_motion::CameraMotion, pose::Pose};
+use lgs_tests::Outcome;
 use lgs_tests::compare::{absolute, close_l2, close_where, relative, same_bits};
 use lgs_tests::scenes::{
     GRADIENT_PARTS, Look, flat_gradient, gradients_of, image_gradient, images_of, pinhole, random_scene,
     random_weights, splats,
 };
-use lgs_tests::Outcome;
 use proptest::prelude::{Just, Strategy, any, prop_oneof};
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
-
 
 use super::adapter;
 
@@ -102,8 +101,10 @@ fn rolling_shutters_are_the_cpus() -> Outcome {
         let want = flat(&backward(&splats, &view, &state, &weights));
         let found = drawn(&splats, &view, &weights)?;
         let off = |a: &[f32], b: &[f32]| a.iter().zip(b).filter(|(a, b)| (*a - *b).abs() > 1e-4).count();
-        let (changed, far) =
-            (off(&state.images.rgb, &render(&splats, &plain, SINGLE_BACKGROUND).rgb), off(&found.images.rgb, &state.images.rgb));
+        let (changed, far) = (
+            off(&state.images.rgb, &render(&splats, &plain, SINGLE_BACKGROUND).rgb),
+            off(&found.images.rgb, &state.images.rgb),
+        );
         if far > 4 || changed < 10_000 {
             return Err(format!("{moments:?}: {far} values are off, and a shutter changes {changed}").into());
         }

@@ -2,8 +2,8 @@
 
 use lgs_engine::render::reference::{self, Gradient, Images};
 use lgs_engine::render::{backward, gpu, render, render_for_gradient};
-use lgs_tests::{Needed, case_if};
 use lgs_tests::scenes::{Scene, flat_gradient, gradients_of, image_gradient, images_of, pinhole, splats};
+use lgs_tests::{Needed, case_if};
 use libtest_mimic::Trial;
 
 use crate::gpu::adapter;

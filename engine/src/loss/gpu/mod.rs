@@ -5,6 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use lgs_formats::casts::to_u32;
 use lgs_formats::image::PixelLabel;
+use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::map::LossCounts;
@@ -186,8 +187,7 @@ impl LossSums {
 /// Where the GPU has not so much room.
 pub(crate) fn residual(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn) -> Result<Buffer, GpuError> {
     let gradients = pixel_gradients(work, truth)?;
-    let bindings =
-        [(0, &truth.pair), (1, &truth.pixels), (2, &drawn.image), (3, &drawn.ends), (5, &gradients)];
+    let bindings = [(0, &truth.pair), (1, &truth.pixels), (2, &drawn.image), (3, &drawn.ends), (5, &gradients)];
     work.run(&TAKE_RESIDUAL, &bindings, groups_over(to_u32(truth.num_pixels)));
     Ok(gradients)
 }
@@ -196,12 +196,7 @@ pub(crate) fn residual(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn) -> Res
 ///
 /// # Errors
 /// Where the GPU has not so much room.
-pub(crate) fn agreement(
-    work: &mut Work<'_>,
-    truth: &Truth,
-    drawn: &Drawn,
-    before: &[f32],
-) -> Result<Buffer, GpuError> {
+pub(crate) fn agreement(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn, before: &[f32]) -> Result<Buffer, GpuError> {
     let before: Vec<[f32; 4]> = before.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
     let before = work.upload("colours before", &before)?;
     let gradients = pixel_gradients(work, truth)?;
@@ -217,7 +212,7 @@ fn pixel_gradients(work: &mut Work<'_>, truth: &Truth) -> Result<Buffer, GpuErro
 /// `[H, W, 4]` true colours; `LiDAR` depth, 0 where there is none, -1 where the pixel is ignored.
 fn packed(view: &View) -> Vec<[f32; 4]> {
     let mut pixels: Vec<[f32; 4]> =
-        view.image.data.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+        view.image.data.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
     view.depth_samples.iter().for_each(|sample| pixels[sample.pixel as usize][3] = sample.depth);
     if let Some(labels) = &view.labels {
         let ignored = pixels.iter_mut().zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);

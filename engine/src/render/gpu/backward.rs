@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use lgs_formats::casts::to_u32;
+use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::ImageGradient;
@@ -159,7 +160,7 @@ impl Work<'_> {
             let rest = [at(&gradient.alpha, p), at(&gradient.depth, p), at(maps[0], p), at(maps[1], p)];
             [[r, g, b, at(&gradient.expected_depth, p)], rest]
         };
-        let values: Vec<[[f32; 4]; 2]> = (0..drawn.num_pixels()).map(of_pixel).collect();
+        let values: Vec<[[f32; 4]; 2]> = (0..drawn.num_pixels()).into_par_iter().map(of_pixel).collect();
         self.upload("gradients of pixels", &values)
     }
 
@@ -168,7 +169,7 @@ impl Work<'_> {
     /// # Errors
     /// [`GpuError::Lost`] where the GPU has stopped.
     pub(crate) fn read_rows(&mut self, rows: &Buffer, len: usize) -> Result<Vec<Row>, GpuError> {
-        Ok(self.read::<[f32; ROW]>(rows, 0, len)?.iter().map(Row::of).collect())
+        Ok(self.read::<[f32; ROW]>(rows, 0, len)?.par_iter().map(Row::of).collect())
     }
 }
 
@@ -212,7 +213,10 @@ mod tests {
         let batch = |tiles, places| Batch { tiles, places };
         assert_eq!(runs(&first, 100), Some(vec![batch(0..6, 0..15)]));
         assert_eq!(runs(&first, 7), Some(vec![batch(0..3, 0..7), batch(3..5, 7..12), batch(5..6, 12..15)]));
-        assert_eq!(runs(&first, 5), Some(vec![batch(0..2, 0..3), batch(2..3, 3..7), batch(3..5, 7..12), batch(5..6, 12..15)]));
+        assert_eq!(
+            runs(&first, 5),
+            Some(vec![batch(0..2, 0..3), batch(2..3, 3..7), batch(3..5, 7..12), batch(5..6, 12..15)])
+        );
         assert_eq!(runs(&first, 4), None);
     }
 }

@@ -68,10 +68,8 @@ impl Work<'_> {
         let image = self.buffer::<[f32; 4]>("image", pixels)?;
         let ends = self.buffer::<[f32; 2]>("ends of pixels", pixels)?;
         let [r, g, b] = background;
-        let told = Composite {
-            size: [width, height, columns, lists.num_tiles],
-            background: [r, g, b, TRANSMITTANCE_MIN],
-        };
+        let told =
+            Composite { size: [width, height, columns, lists.num_tiles], background: [r, g, b, TRANSMITTANCE_MIN] };
         let told = self.uniform(&told);
         let bindings = [
             (0, &told),

@@ -29,12 +29,7 @@ pub(crate) use work::{Work, groups_over};
 ///
 /// # Errors
 /// Where the view does not fit, or the GPU has stopped.
-pub fn render(
-    gpu: &Gpu,
-    splats: &[Splat],
-    view: &PinholeView,
-    background: [f32; 3],
-) -> Result<Rendered, GpuError> {
+pub fn render(gpu: &Gpu, splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> Result<Rendered, GpuError> {
     let mut work = gpu.work()?;
     let scene = work.load(splats)?;
     let drawn = work.draw(&scene, view, background)?;

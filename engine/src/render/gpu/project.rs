@@ -5,6 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 use lgs_formats::casts::{to_f32, to_u32};
+use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::project::Projector;
@@ -106,15 +107,15 @@ impl Work<'_> {
     /// As [`Work::buffer`].
     pub(crate) fn load(&mut self, splats: &[Splat]) -> Result<SceneBuffers, GpuError> {
         let shapes: Vec<[f32; 4]> = splats
-            .iter()
-            .flat_map(|s| {
+            .par_iter()
+            .flat_map_iter(|s| {
                 let ([x, y, z], [a, b, c]) = (s.mean, s.scale);
                 [[x, y, z, s.time], s.quat, [a, b, c, s.opacity]]
             })
             .collect();
         let looks: Vec<[f32; 4]> = splats
-            .iter()
-            .flat_map(|s| {
+            .par_iter()
+            .flat_map_iter(|s| {
                 let ([r, g, b], [x, y, z]) = (s.colour, s.velocity);
                 [[r, g, b, 0.0], [x, y, z, 0.0]]
             })

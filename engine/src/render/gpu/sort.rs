@@ -63,14 +63,8 @@ pub(super) fn sort(
         let size = work.uniform(&[len, blocks, shift, 0]);
         work.run(&SORT_COUNT, &[(0, &size), (1, &from.keys), (2, &digits)], blocks);
         scan(work, &digits, DIGITS * blocks)?;
-        let bindings = [
-            (0, &size),
-            (1, &from.keys),
-            (2, &digits),
-            (3, &from.payloads),
-            (4, &spare.keys),
-            (5, &spare.payloads),
-        ];
+        let bindings =
+            [(0, &size), (1, &from.keys), (2, &digits), (3, &from.payloads), (4, &spare.keys), (5, &spare.payloads)];
         work.run(&SORT_SCATTER, &bindings, blocks);
         std::mem::swap(&mut from, &mut spare);
     }

@@ -87,7 +87,15 @@ impl Work<'_> {
             (6, &places),
         ];
         self.run(&FIND_RANGES, &bindings, groups_over(all + 1));
-        Ok(TileLists { num_tiles, camera, visible: by_depth.payloads, first_of_splat, first_of_tile, intersections, places })
+        Ok(TileLists {
+            num_tiles,
+            camera,
+            visible: by_depth.payloads,
+            first_of_splat,
+            first_of_tile,
+            intersections,
+            places,
+        })
     }
 
     fn pair(&mut self, [keys, payloads]: [&'static str; 2], len: usize) -> Result<Sorted, GpuError> {

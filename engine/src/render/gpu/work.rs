@@ -175,7 +175,7 @@ impl Work<'_> {
             // Nobody waits any more once the work has failed.
             let _ = told.send(result);
         });
-        let lost = |reason: String| GpuError::Lost(reason);
+        let lost = GpuError::Lost;
         let polled = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
         self.gpu.check()?;
         polled.map_err(|error| lost(error.to_string()))?;
