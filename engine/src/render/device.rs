@@ -62,11 +62,7 @@ impl DeviceChoice {
         match self {
             Self::Cpu => Ok(Device::Cpu),
             #[cfg(feature = "gpu")]
-            Self::Auto => {
-                let real = gpu::adapters().into_iter().find(|adapter| !adapter.is_software);
-                // A GPU that nobody asked for and that cannot be opened is as good as none.
-                Ok(real.and_then(|adapter| gpu::open(adapter.index).ok()).map_or(Device::Cpu, Device::Gpu))
-            }
+            Self::Auto => Ok(gpu::open_real().map_or(Device::Cpu, Device::Gpu)),
             #[cfg(feature = "gpu")]
             Self::Gpu(index) => {
                 let adapters = gpu::adapters();
@@ -85,7 +81,18 @@ impl DeviceChoice {
         }
     }
 
-    /// As [`DeviceChoice::open`]; the processor where that fails, which programs look at first.
+    /// Fails where a GPU is asked for that cannot be opened; looks at none where nobody asks.
+    ///
+    /// # Errors
+    /// As [`DeviceChoice::open`].
+    pub fn check(self) -> Result<()> {
+        match self {
+            Self::Auto | Self::Cpu => Ok(()),
+            Self::Gpu(_) => self.open().map(drop),
+        }
+    }
+
+    /// As [`DeviceChoice::open`]; the processor where that fails, which [`DeviceChoice::check`] tells before.
     pub fn opened(self) -> Device {
         self.open().unwrap_or_default()
     }

@@ -66,7 +66,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         );
     }
     plan::check(args)?;
-    args.recipe.of(Recipe::default()).device.open()?;
+    args.recipe.of(Recipe::default()).device.check()?;
     let threads = threads::set_num_threads(args.threads())?;
     let bars = StageBars::default();
     let mut watch = Watch::new(&bars);

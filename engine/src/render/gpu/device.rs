@@ -1,6 +1,7 @@
 //! The GPUs of a machine, and one that was opened.
 
 use std::future::Future;
+use std::path::Path;
 use std::pin::pin;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
@@ -103,6 +104,17 @@ impl std::fmt::Debug for Gpu {
 /// The GPUs of this machine, those that the processor plays included.
 pub fn adapters() -> Vec<Adapter> {
     found().iter().enumerate().map(|(index, adapter)| describe(index, adapter)).collect()
+}
+
+/// The first real GPU; `None` where there is none, or it cannot be opened.
+pub fn open_real() -> Option<&'static Gpu> {
+    // Without a device file there is none, and no driver has to be loaded to tell: software ones are slow to begin.
+    let files = ["/dev/dri", "/dev/nvidiactl", "/dev/kfd", "/dev/dxg"];
+    if cfg!(target_os = "linux") && !files.iter().any(|file| Path::new(file).exists()) {
+        return None;
+    }
+    let real = adapters().into_iter().find(|adapter| !adapter.is_software)?;
+    open(real.index).ok()
 }
 
 /// The GPU of a number; the same every time.

@@ -16,11 +16,13 @@ mod sort;
 mod tiles;
 mod work;
 
+use std::time::Instant;
+
 use super::{ImageGradient, Rendered};
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
-pub use device::{Adapter, Gpu, GpuError, adapters, open, open_limited};
+pub use device::{Adapter, Gpu, GpuError, adapters, open, open_limited, open_real};
 pub(crate) use forward::Drawn;
 pub(crate) use kernels::{Kernel, single};
 pub(crate) use work::{Work, groups_over};
@@ -34,6 +36,38 @@ pub fn render(gpu: &Gpu, splats: &[Splat], view: &PinholeView, background: [f32;
     let scene = work.load(splats)?;
     let drawn = work.draw(&scene, view, background)?;
     work.images(&drawn)
+}
+
+/// Mean seconds of `times` drawings of a view, over black, of a scene that is on the GPU already; with a gradient, of its way back too.
+///
+/// # Errors
+/// Where the view does not fit, or the GPU has stopped.
+pub fn seconds(
+    gpu: &Gpu,
+    splats: &[Splat],
+    view: &PinholeView,
+    gradient: Option<&ImageGradient>,
+    times: u32,
+) -> Result<f64, GpuError> {
+    let mut work = gpu.work()?;
+    let scene = work.load(splats)?;
+    let drawn = work.draw(&scene, view, [0.0; 3])?;
+    let by_pixel = gradient.map(|gradient| work.upload_gradient(&drawn, gradient, [&[], &[]])).transpose()?;
+    let mut draw = |times: u32| -> Result<f64, GpuError> {
+        let start = Instant::now();
+        for _ in 0..times {
+            let drawn = work.draw(&scene, view, [0.0; 3])?;
+            if let Some(by_pixel) = &by_pixel {
+                work.add_backward(&scene, &drawn, by_pixel, &scene.gradients, 1.0)?;
+            }
+        }
+        // What is read is there once all is done.
+        work.read::<f32>(&scene.gradients, 0, 1)?;
+        Ok(start.elapsed().as_secs_f64() / f64::from(times.max(1)))
+    };
+    // The first builds kernels.
+    draw(1)?;
+    draw(times)
 }
 
 /// A drawn view, gradients by all Gaussians, and the sums of two maps under their blending weights.

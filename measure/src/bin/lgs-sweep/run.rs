@@ -63,7 +63,7 @@ fn measure(args: &SweepArgs) -> Result<Outcome> {
     }
     let grid = grid(args, &networks);
     for setting in grid.iter().flat_map(|run| &run.settings) {
-        setting.recipe.device.open()?;
+        setting.recipe.device.check()?;
     }
     match args.one {
         Some(one) => Ok(evaluate_one(args, one, &networks, &grid)?.into()),
