@@ -38,7 +38,7 @@ pub(super) fn found(
             work.add_backward(&scene, &drawn, &by_pixel, residuals, 1.0)?;
         }
         if wanted.images {
-            images.push(work.images(&drawn)?.rgb);
+            images.push(work.colours(&drawn)?);
         }
     }
     let terms = sums.terms(&mut work)?;

@@ -1,6 +1,7 @@
 //! A view, drawn: images and the state that its gradient needs, all of it on the GPU.
 
 use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::Rendered;
@@ -93,6 +94,15 @@ impl Work<'_> {
         })
     }
 
+    /// `[H, W, 3]` colours of a drawn view.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] where the GPU has stopped.
+    pub(crate) fn colours(&mut self, drawn: &Drawn) -> Result<Vec<f32>, GpuError> {
+        let image = self.read::<[f32; 4]>(&drawn.image, 0, drawn.num_pixels())?;
+        Ok(image.par_iter().flat_map_iter(|&[r, g, b, _]| [r, g, b]).collect())
+    }
+
     /// The images of a drawn view.
     ///
     /// # Errors
@@ -104,7 +114,7 @@ impl Work<'_> {
         Ok(Rendered {
             width: drawn.size[0] as usize,
             height: drawn.size[1] as usize,
-            rgb: image.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect(),
+            rgb: image.par_iter().flat_map_iter(|&[r, g, b, _]| [r, g, b]).collect(),
             alpha: ends.iter().map(|[transmittance, _]| 1.0 - transmittance).collect(),
             depth: image.iter().map(|[_, _, _, depth]| *depth).collect(),
         })

@@ -157,8 +157,8 @@ impl Work<'_> {
         self.run(&PROJECT, &bindings, groups_over(len + 1));
         super::sort::scan(self, &places, len + 1)?;
         super::sort::scan(self, &totals, len + 1)?;
-        let num_visible = self.read::<u32>(&places, scene.len, 1)?[0];
-        let num_intersections = self.read::<u32>(&totals, scene.len, 1)?[0];
+        let counts_in_all = self.read_pieces::<u32>(&[(&places, scene.len), (&totals, scene.len)], 1)?;
+        let (num_visible, num_intersections) = (counts_in_all[0], counts_in_all[1]);
         camera.count[1] = num_visible;
         Ok(Projection { camera, footprints, places, counts, num_visible, num_intersections })
     }

@@ -158,33 +158,54 @@ impl Work<'_> {
         first: usize,
         len: usize,
     ) -> Result<Vec<T>, GpuError> {
-        if len == 0 {
+        self.read_pieces(&[(buffer, first)], len)
+    }
+
+    /// `len` elements of each of some buffers from a first one on, one after the other, once all work before is done.
+    ///
+    /// # Errors
+    /// As [`Work::read`].
+    pub(crate) fn read_pieces<T: AnyBitPattern + NoUninit>(
+        &mut self,
+        pieces: &[(&Buffer, usize)],
+        len: usize,
+    ) -> Result<Vec<T>, GpuError> {
+        let bytes = |count: usize| count as u64 * size_of::<T>() as u64;
+        let all = len * pieces.len();
+        if all == 0 {
             return Ok(Vec::new());
         }
-        let [offset, size] = [first, len].map(|count| count as u64 * size_of::<T>() as u64);
         let copy = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back"),
-            size,
+            size: bytes(all),
             usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.encoder().copy_buffer_to_buffer(buffer, offset, &copy, 0, size);
+        for (number, (buffer, first)) in pieces.iter().enumerate() {
+            self.encoder().copy_buffer_to_buffer(buffer, bytes(*first), &copy, bytes(number * len), bytes(len));
+        }
         self.submit();
+        let mut values = vec![T::zeroed(); all];
+        self.map(&copy, bytemuck::cast_slice_mut(&mut values))?;
+        Ok(values)
+    }
+
+    /// Waits for a buffer, and copies what it holds.
+    fn map(&self, copy: &Buffer, to: &mut [u8]) -> Result<(), GpuError> {
         let (told, asked) = mpsc::channel();
         copy.map_async(wgpu::MapMode::Read, .., move |result| {
             // Nobody waits any more once the work has failed.
             let _ = told.send(result);
         });
-        let lost = GpuError::Lost;
         let polled = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
         self.gpu.check()?;
+        let lost = GpuError::Lost;
         polled.map_err(|error| lost(error.to_string()))?;
         let mapped = asked.recv().map_err(|error| lost(error.to_string()))?;
         mapped.map_err(|error| lost(error.to_string()))?;
         let view = copy.get_mapped_range(..).map_err(|error| lost(error.to_string()))?;
-        let mut values = vec![T::zeroed(); len];
-        bytemuck::cast_slice_mut(&mut values).copy_from_slice(&view);
-        Ok(values)
+        to.copy_from_slice(&view);
+        Ok(())
     }
 }
 
