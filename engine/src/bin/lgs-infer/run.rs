@@ -66,8 +66,9 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         );
     }
     plan::check(args)?;
-    args.recipe.of(Recipe::default()).device.check()?;
     let threads = threads::set_num_threads(args.threads())?;
+    // A GPU that the processor plays brings threads of its own.
+    args.recipe.of(Recipe::default()).device.check()?;
     let bars = StageBars::default();
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
