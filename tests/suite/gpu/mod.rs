@@ -8,9 +8,12 @@ mod scenes;
 use lgs_tests::{Outcome, case_if};
 use libtest_mimic::Trial;
 
+/// A case's name and body.
+type Case = (&'static str, fn() -> Outcome);
+
 pub(crate) fn cases() -> Vec<Trial> {
     let needed = adapter::needed();
-    let all: Vec<(&str, fn() -> Outcome)> = [scenes::CASES, objective::CASES, programs::CASES].concat();
+    let all: Vec<Case> = [scenes::CASES, objective::CASES, programs::CASES].concat();
     all.into_iter().map(|(name, body)| case_if(&needed, format!("gpu::{name}"), body)).collect()
 }
 

@@ -14,9 +14,9 @@ use lgs_tests::compare::same_bits;
 use lgs_tests::random::Random;
 use lgs_tests::scenes::{Look, pinhole, random_scene};
 
-use super::{adapter, near};
+use super::{Case, adapter, near};
 
-pub(super) const CASES: &[(&str, fn() -> Outcome)] = &[
+pub(super) const CASES: &[Case] = &[
     ("the_objective_is_the_cpus", the_objective_is_the_cpus),
     ("small_and_ignored_images_have_the_cpus_loss", small_and_ignored_images_have_the_cpus_loss),
     ("lengths_of_steps_are_the_cpus", lengths_of_steps_are_the_cpus),

@@ -4,9 +4,9 @@ use lgs_tests::process::{binary, run};
 use lgs_tests::{Outcome, clips, metrics, places};
 use serde_json::Value;
 
-use super::adapter;
+use super::{Case, adapter};
 
-pub(super) const CASES: &[(&str, fn() -> Outcome)] = &[
+pub(super) const CASES: &[Case] = &[
     ("infer_reaches_the_cpus_figures", infer_reaches_the_cpus_figures),
     ("devices_are_listed", devices_are_listed),
     ("a_gpu_that_is_not_there_is_refused", a_gpu_that_is_not_there_is_refused),

@@ -15,9 +15,9 @@ use lgs_tests::scenes::{
 use proptest::prelude::{Just, Strategy, any, prop_oneof};
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 
-use super::adapter;
+use super::{Case, adapter};
 
-pub(super) const CASES: &[(&str, fn() -> Outcome)] = &[
+pub(super) const CASES: &[Case] = &[
     ("equals_the_twin", equals_the_twin),
     ("rolling_shutters_are_the_cpus", rolling_shutters_are_the_cpus),
     ("the_same_bits_in_every_run", the_same_bits_in_every_run),
@@ -216,7 +216,8 @@ fn survives_any_floats() -> Outcome {
         let all: Vec<Splat> = rows.iter().map(|row| splat(row)).collect();
         let only_sound: Vec<Splat> = (0..all.len()).filter(|&i| sound[i]).map(|i| all[i]).collect();
         let fail = |text: &str| TestCaseError::fail(text.to_owned());
-        let run = |splats: &[Splat]| drawn(splats, &ahead(), &ones()).map_err(|_| fail("the GPU does not draw"));
+        let run =
+            |splats: &[Splat]| drawn(splats, &ahead(), &ones()).map_err(|e| fail(e.message().unwrap_or_default()));
         let (got, want) = (run(&all)?, run(&only_sound)?);
         if got.images.rgb.iter().chain(&got.images.depth).any(|v| !v.is_finite()) {
             return Err(fail("an image holds a value that is not finite"));
