@@ -3,8 +3,10 @@
 use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::objective::{Objective, Wanted, objective_with};
+use lgs_engine::refine::adam::{Adam, AdamSettings};
 use lgs_engine::refine::step_lengths;
 use lgs_engine::render::Device;
+use lgs_engine::render::gpu::open_limited;
 use lgs_engine::render::reference::Gaussian;
 use lgs_engine::views::{DepthSample, Role, View};
 use lgs_formats::casts::to_u32;
@@ -19,6 +21,7 @@ use super::{Case, adapter, near};
 pub(super) const CASES: &[Case] = &[
     ("the_objective_is_the_cpus", the_objective_is_the_cpus),
     ("small_and_ignored_images_have_the_cpus_loss", small_and_ignored_images_have_the_cpus_loss),
+    ("steps_after_a_loss_are_the_cpus", steps_after_a_loss_are_the_cpus),
     ("lengths_of_steps_are_the_cpus", lengths_of_steps_are_the_cpus),
 ];
 
@@ -138,6 +141,30 @@ fn small_and_ignored_images_have_the_cpus_loss() -> Outcome {
     let (set, mut views) = scene(Look { num: 60, width: 30, height: 20, opacities: [0.2, 0.9] });
     views[1].labels = Some(vec![PixelLabel::Ignored; 600]);
     compare(&set, &views)
+}
+
+/// The GPU stops between two steps of an optimisation, which goes on from where it was.
+fn steps_after_a_loss_are_the_cpus() -> Outcome {
+    let (set, views) = scene(Look { num: 200, ..LOOK });
+    let views = [&views[0], &views[1]];
+    let gpu = open_limited(adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index, u64::MAX)?;
+    let run = |device: Device| {
+        let (mut set, mut adam) =
+            (set.clone(), Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() }));
+        for step in 0..4 {
+            if step == 2 && device != Device::Cpu {
+                gpu.stop();
+            }
+            adam.step(&mut set, &views);
+        }
+        adam.into_summary().losses
+    };
+    let (got, want) = (run(Device::Gpu(gpu)), run(Device::Cpu));
+    if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-4 * want) || got[3] >= got[0] {
+        return Err(format!("losses {got:?}, by the CPU alone {want:?}").into());
+    }
+    let refused = Device::Gpu(gpu).drawn_on().refused;
+    if refused.len() == 1 { Ok(()) } else { Err(format!("reasons: {refused:?}").into()) }
 }
 
 fn lengths_of_steps_are_the_cpus() -> Outcome {

@@ -20,6 +20,7 @@ use super::{Case, adapter};
 pub(super) const CASES: &[Case] = &[
     ("equals_the_twin", equals_the_twin),
     ("rolling_shutters_are_the_cpus", rolling_shutters_are_the_cpus),
+    ("kilometres_from_the_origin_it_is_the_cpus", kilometres_from_the_origin_it_is_the_cpus),
     ("the_same_bits_in_every_run", the_same_bits_in_every_run),
     ("sums_are_taken_in_runs_of_tiles", sums_are_taken_in_runs_of_tiles),
     ("what_does_not_fit_is_drawn_by_the_cpu", what_does_not_fit_is_drawn_by_the_cpu),
@@ -111,6 +112,25 @@ fn rolling_shutters_are_the_cpus() -> Outcome {
         close_l2(&format!("{moments:?}: gradients"), &flat(&found.splats), &want, GRADIENT, 0.0)?;
     }
     Ok(())
+}
+
+/// Means and camera are far away, and near each other: what f32 holds of them is all that there is.
+fn kilometres_from_the_origin_it_is_the_cpus() -> Outcome {
+    let scene = random_scene(Look { num: 400, width: 150, height: 90, opacities: [0.05, 0.9] }, 191);
+    let (mut splats, mut view) = (splats(&scene.gaussians), pinhole(&scene.camera));
+    let away = [3000.0, -2000.0, 150.0];
+    splats.iter_mut().for_each(|splat| splat.mean.iter_mut().zip(away).for_each(|(x, by)| *x += by));
+    for row in &mut view.camera_from_clip {
+        row[3] -= (0..3).map(|k| row[k] * away[k]).sum::<f32>();
+    }
+    let weights = image_gradient(&random_weights(&scene.camera, &vec![false; 150 * 90], 192));
+    let state = render_for_gradient(&splats, &view, SINGLE_BACKGROUND);
+    let found = drawn(&splats, &view, &weights)?;
+    let far = state.images.rgb.iter().zip(&found.images.rgb).filter(|(a, b)| (*a - *b).abs() > 1e-4).count();
+    if far > 4 {
+        return Err(format!("{far} values are off").into());
+    }
+    close_l2("gradients", &flat(&found.splats), &flat(&backward(&splats, &view, &state, &weights)), GRADIENT, 0.0)
 }
 
 fn the_same_bits_in_every_run() -> Outcome {
