@@ -6,7 +6,7 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
 
-use super::work::Room;
+use super::room::Room;
 
 /// Why something was not done on a GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -12,6 +12,7 @@ mod device;
 mod forward;
 mod kernels;
 mod project;
+mod room;
 mod sort;
 mod tiles;
 mod work;

@@ -1,6 +1,5 @@
 //! Work on a GPU: buffers that are kept, kernels that are built once, dispatches, and what is read back.
 
-use std::collections::HashMap;
 use std::sync::{MutexGuard, PoisonError, mpsc};
 
 use bytemuck::{AnyBitPattern, NoUninit};
@@ -8,18 +7,12 @@ use wgpu::{Buffer, BufferUsages, ComputePipeline};
 
 use super::device::{Gpu, GpuError};
 use super::kernels::Kernel;
+use super::room::Room;
 
 /// Groups in one dimension, at most.
 const MOST_GROUPS: u32 = 65_535;
 /// Invocations of a group that goes over a list.
 const GROUP: u32 = 256;
-
-/// Buffers and kernels of a GPU, kept for the next work.
-#[derive(Default)]
-pub(super) struct Room {
-    buffers: HashMap<&'static str, Buffer>,
-    pipelines: HashMap<&'static str, ComputePipeline>,
-}
 
 /// Work on a GPU, which nobody else does meanwhile.
 pub(crate) struct Work<'a> {
