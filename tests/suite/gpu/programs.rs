@@ -57,5 +57,6 @@ fn devices_are_listed() -> Outcome {
 fn a_gpu_that_is_not_there_is_refused() -> Outcome {
     let clip = clips::street().into_os_string();
     let finished = run(&binary("lgs-infer")?, &[clip, "--device".into(), "gpu:99".into()], places::repository())?;
-    finished.expect_refusal(&["--device", "a GPU of number 99"])
+    // Mesa may say before that it found no screen.
+    finished.expect_one_line_at_the_end(&["--device", "a GPU of number 99"])
 }
