@@ -1,5 +1,8 @@
 //! The rendering loss of a scene over several views, and its gradient by the raw parameters.
 
+#[cfg(feature = "gpu")]
+mod gpu;
+
 use std::time::Instant;
 
 use lgs_formats::casts::to_f32;
@@ -7,8 +10,8 @@ use lgs_formats::image::PixelLabel;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
-use crate::loss::{LossWeights, image_loss, residual_image, velocity_loss};
-use crate::render::{RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
+use crate::loss::{LossTerms, LossWeights, image_loss, residual_image, velocity_loss};
+use crate::render::{Device, RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::View;
 
 /// Colour behind all Gaussians.
@@ -20,9 +23,9 @@ const FAINT: f64 = 0.05;
 /// Seconds that an objective took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ObjectiveSeconds {
-    /// Drawing the views, and its gradient.
+    /// Drawing the views, and its gradient; on a GPU with the loss.
     pub render: f64,
-    /// The loss of the drawn images, and its gradient.
+    /// The loss of the drawn images, and its gradient, by the processor.
     pub loss: f64,
 }
 
@@ -58,7 +61,7 @@ pub struct Objective {
     pub seconds: ObjectiveSeconds,
 }
 
-/// What is computed beside the loss.
+/// What is computed beside the loss, and where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
     /// The loss gradient.
@@ -67,6 +70,8 @@ pub struct Wanted {
     pub mean_residuals: bool,
     /// The drawn colours.
     pub images: bool,
+    /// Where the views are drawn.
+    pub device: Device,
 }
 
 /// The loss of the scene over `views`, and its gradient.
@@ -87,42 +92,16 @@ pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> O
 /// r the error of the colour and [`residual_image`]'s of the depth. For a colour that is the gradient of half the squared error, over the
 /// weight: the mean error under the Gaussian.
 pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights, wanted: Wanted) -> Objective {
-    let start = Instant::now();
     let splats: Vec<Splat> = to_physical(set);
-    let mut gradients = Sums::new(if wanted.gradient { splats.len() } else { 0 });
-    let mut residuals = Sums::new(if wanted.mean_residuals { splats.len() } else { 0 });
-    let mut blended = vec![[0.0_f64; 2]; residuals.0.len()];
-    let mut seen = vec![false; splats.len()];
-    let (mut loss, mut terms, mut loss_s) = (0.0, Terms::default(), 0.0);
-    let mut images = Vec::new();
-    let share = 1.0 / views.len().max(1) as f32;
-    for view in views {
-        let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
-        let before_loss = Instant::now();
-        let (of_view, by_image) = image_loss(&state.images, view, weights);
-        let residual = wanted.mean_residuals.then(|| residual_image(&state.images, view));
-        loss_s += before_loss.elapsed().as_secs_f64();
-        let mean = 1.0 / views.len() as f64;
+    let Found { terms: of_views, gradients, residuals, blended, images, seen, seconds } =
+        found_on(&splats, views, weights, wanted);
+    let (mut loss, mut terms) = (0.0, Terms::default());
+    let mean = 1.0 / views.len() as f64;
+    for of_view in of_views {
         loss += of_view.total * mean;
         terms.l1 += of_view.l1 * mean;
         terms.dissimilarity += of_view.ssim.map_or(0.0, |ssim| 1.0 - ssim) * mean;
         terms.depth += of_view.depth * mean;
-        state.visible().for_each(|i| seen[i] = true);
-        if wanted.gradient {
-            gradients.add(&state, &backward_visible(&splats, &view.pinhole, &state, &by_image), share);
-        }
-        if let Some(residual) = residual {
-            let maps = [counted_pixels(view), absolute(&residual.rgb)];
-            let (by_splat, sums) = backward_with_sums(&splats, &view.pinhole, &state, &residual, [&maps[0], &maps[1]]);
-            residuals.add(&state, &by_splat, 1.0);
-            for (i, [weight, error]) in state.visible().zip(sums) {
-                blended[i][0] += weight;
-                blended[i][1] += error;
-            }
-        }
-        if wanted.images {
-            images.push(state.images.rgb);
-        }
     }
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
@@ -135,8 +114,71 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
         terms.speed = speed / f64::from(weights.velocity);
     }
     let mean_residuals = over_weights(residuals.raw(set), &blended);
-    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
     Objective { loss, terms, gradient, mean_residuals, images, seen, seconds }
+}
+
+/// What the views say of a scene, by physical values.
+#[derive(Debug)]
+struct Found {
+    /// Of each view.
+    terms: Vec<LossTerms>,
+    /// Of the loss; empty when they were not wanted.
+    gradients: Sums,
+    /// Of the errors; empty when they were not wanted.
+    residuals: Sums,
+    /// `[N]` weights and absolute errors under every Gaussian, beside the residuals.
+    blended: Vec<[f64; 2]>,
+    images: Vec<Vec<f32>>,
+    seen: Vec<bool>,
+    seconds: ObjectiveSeconds,
+}
+
+/// What the views say of a scene, where it is wanted; by the processor, where that has not the room for it.
+fn found_on(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wanted) -> Found {
+    // The GPU has no kernel for the term of the peak signal-to-noise ratio, which training alone knows.
+    #[cfg(feature = "gpu")]
+    if weights.psnr == 0.0
+        && let Some(found) = wanted.device.try_gpu(|on| gpu::found(on, splats, views, weights, wanted))
+    {
+        return found;
+    }
+    found(splats, views, weights, wanted)
+}
+
+fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wanted) -> Found {
+    let start = Instant::now();
+    let mut gradients = Sums::new(if wanted.gradient { splats.len() } else { 0 });
+    let mut residuals = Sums::new(if wanted.mean_residuals { splats.len() } else { 0 });
+    let mut blended = vec![[0.0_f64; 2]; residuals.0.len()];
+    let mut seen = vec![false; splats.len()];
+    let (mut terms, mut images, mut loss_s) = (Vec::new(), Vec::new(), 0.0);
+    let share = 1.0 / views.len().max(1) as f32;
+    for view in views {
+        let state = render_for_gradient(splats, &view.pinhole, BEHIND);
+        let before_loss = Instant::now();
+        let (of_view, by_image) = image_loss(&state.images, view, weights);
+        let residual = wanted.mean_residuals.then(|| residual_image(&state.images, view));
+        loss_s += before_loss.elapsed().as_secs_f64();
+        terms.push(of_view);
+        state.visible().for_each(|i| seen[i] = true);
+        if wanted.gradient {
+            gradients.add(&state, &backward_visible(splats, &view.pinhole, &state, &by_image), share);
+        }
+        if let Some(residual) = residual {
+            let maps = [counted_pixels(view), absolute(&residual.rgb)];
+            let (by_splat, sums) = backward_with_sums(splats, &view.pinhole, &state, &residual, [&maps[0], &maps[1]]);
+            residuals.add(&state, &by_splat, 1.0);
+            for (i, [weight, error]) in state.visible().zip(sums) {
+                blended[i][0] += weight;
+                blended[i][1] += error;
+            }
+        }
+        if wanted.images {
+            images.push(state.images.rgb);
+        }
+    }
+    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
+    Found { terms, gradients, residuals, blended, images, seen, seconds }
 }
 
 /// Sums over pixels, and those of the weight and of the absolute error, as means under every Gaussian.
@@ -166,6 +208,7 @@ pub(crate) fn counted_pixels(view: &View) -> Vec<f32> {
 }
 
 /// Sums over views by physical values.
+#[derive(Debug)]
 struct Sums(Vec<SplatGradient>);
 
 impl Sums {

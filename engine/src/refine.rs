@@ -150,6 +150,7 @@ impl<'a> Refinement<'a> {
         } else {
             Wanted { gradient: self.settings.optimised_after, ..Wanted::default() }
         };
+        let wanted = Wanted { device: self.settings.device, ..wanted };
         MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
         let found = objective_with(set, views, &LossWeights::default(), wanted);
         self.summary.losses.push(found.loss);
@@ -179,7 +180,7 @@ impl<'a> Refinement<'a> {
         }
         if self.searches(index) {
             let start = Instant::now();
-            lengthen(set, before, &step_lengths(&current.images, set, views));
+            lengthen(set, before, &step_lengths(self.settings.device, &current.images, set, views));
             self.summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
         Ok(true)
@@ -213,6 +214,7 @@ pub fn wanted(config: &ModelConfig) -> Wanted {
         gradient: config.guidance == Guidance::Gradient,
         mean_residuals: config.guidance == Guidance::Residual,
         images: config.step_length == StepLength::Local,
+        ..Wanted::default()
     }
 }
 

@@ -21,4 +21,5 @@ pub mod scaling;
 pub mod ablate;
 
 pub mod density;
+
 pub mod evaluate;

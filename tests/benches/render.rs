@@ -5,7 +5,7 @@ use std::io::Write as _;
 use divan::Bencher;
 use lgs_engine::gaussians::physical::Splat;
 use lgs_engine::render::reference::Camera;
-use lgs_engine::render::{ImageGradient, backward, render, render_for_gradient};
+use lgs_engine::render::{ImageGradient, backward, gpu, render, render_for_gradient};
 use lgs_engine::views::PinholeView;
 use lgs_tests::golden::render::{camera, scene};
 use lgs_tests::golden::tensors::TensorFile;
@@ -16,12 +16,30 @@ use lgs_tests::scenes::{Scene, from_pixels, pinhole, splats};
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
 const NUM: usize = 100_000;
+/// Drawings over which the times of a GPU are a mean.
+const GPU_DRAWINGS: u32 = 10;
 const INPUTS: &str = "render/bench_inputs_100k_640x360.safetensors";
 const BLACK: [f32; 3] = [0.0; 3];
 
 fn main() -> std::io::Result<()> {
     writeln!(std::io::stdout(), "Times to look at and to compare on one machine; no absolute time decides anything.")?;
+    gpu_times()?;
     divan::main();
+    Ok(())
+}
+
+/// Prints what every GPU takes, once the scene is there and its kernels are built.
+fn gpu_times() -> std::io::Result<()> {
+    let (splats, view) = load();
+    for adapter in gpu::adapters() {
+        let times = gpu::open(adapter.index).and_then(|gpu| {
+            let forward = gpu::seconds(gpu, &splats, &view, None, GPU_DRAWINGS)?;
+            let both = gpu::seconds(gpu, &splats, &view, Some(&gradient()), GPU_DRAWINGS)?;
+            Ok(format!("forward {:.3} ms, forward and backward {:.3} ms", 1e3 * forward, 1e3 * both))
+        });
+        let told = times.unwrap_or_else(|error| error.to_string());
+        writeln!(std::io::stdout(), "gpu:{} {}: {told}", adapter.index, adapter.name)?;
+    }
     Ok(())
 }
 
@@ -60,6 +78,16 @@ fn made_up() -> Scene {
     Scene { gaussians: gaussians.collect(), camera }
 }
 
+fn gradient() -> ImageGradient {
+    let pixels = WIDTH * HEIGHT;
+    ImageGradient {
+        rgb: vec![1.0; 3 * pixels],
+        alpha: vec![0.5; pixels],
+        depth: vec![0.01; pixels],
+        expected_depth: vec![0.01; pixels],
+    }
+}
+
 #[divan::bench(sample_count = 20)]
 fn forward(bencher: Bencher) {
     let (splats, view) = load();
@@ -69,13 +97,7 @@ fn forward(bencher: Bencher) {
 #[divan::bench(sample_count = 20)]
 fn forward_and_backward(bencher: Bencher) {
     let (splats, view) = load();
-    let pixels = WIDTH * HEIGHT;
-    let gradient = ImageGradient {
-        rgb: vec![1.0; 3 * pixels],
-        alpha: vec![0.5; pixels],
-        depth: vec![0.01; pixels],
-        expected_depth: vec![0.01; pixels],
-    };
+    let gradient = gradient();
     bencher.bench(|| {
         let state = render_for_gradient(&splats, &view, BLACK);
         backward(&splats, &view, &state, &gradient)

@@ -5,6 +5,7 @@ mod density;
 mod eval;
 mod extremes;
 mod golden;
+mod gpu;
 mod importers;
 mod install;
 mod network;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     let mut cases: Vec<Trial> = Vec::new();
     cases.extend(golden::cases());
     cases.extend(render::cases());
+    cases.extend(gpu::cases());
     cases.extend(network::cases());
     cases.extend(train::cases());
     cases.extend(structure::cases());

@@ -11,12 +11,13 @@ use crate::Outcome;
 /// The figures of a view.
 pub const FIGURES: [&str; 9] =
     ["psnr", "psnr_copying", "ssim", "lpips", "dmae", "psnr_dynamic", "ssim_dynamic", "psnr_static", "ssim_static"];
-const TOP: [&str; 13] = [
+const TOP: [&str; 14] = [
     "format",
     "clip",
     "config",
     "weights",
     "threads",
+    "drawn_on",
     "seed",
     "gaussians",
     "moving",

@@ -27,7 +27,7 @@ const NEAR: f64 = views::NEAR as f64;
 /// Boxes are given at the moment of the LiDAR; each is carried to the view's own moment with its track's velocity: the
 /// difference of its positions in the neighbouring frames of the track, by their timestamps. Where the shutter rolls, a box is carried to the moment at which its middle is exposed. A track of a single frame has
 /// no known velocity and counts as static.
-pub(crate) fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec<bool>> {
+pub fn dynamic_pixels(clip: &Clip, view: &View, frame: &ClipFrame) -> Option<Vec<bool>> {
     let record = clip.frames.get(view.frame)?;
     let camera = record.cameras.iter().find(|c| c.camera.name == view.camera);
     let labels = view.labels.as_deref().filter(|_| camera.is_some_and(|c| c.mask.is_some()));

@@ -17,11 +17,11 @@ const REACH: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LossCounts {
     /// Pixels that are not ignored.
-    pixels: usize,
+    pub(super) pixels: usize,
     /// Window centres of the similarity that are not ignored.
-    centres: usize,
+    pub(super) centres: usize,
     /// Depth samples whose pixel is not ignored.
-    samples: usize,
+    pub(super) samples: usize,
 }
 
 /// The loss of one rendered view as a map.

@@ -6,6 +6,8 @@
 
 mod costs;
 mod depth;
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
 mod l1;
 mod map;
 mod psnr;

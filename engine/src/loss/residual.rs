@@ -7,7 +7,7 @@ use crate::render::{ImageGradient, Rendered};
 use crate::views::View;
 
 /// What a wrong depth counts as, of a range of colours of 1.
-const DEPTH: f32 = 0.003;
+pub(super) const DEPTH: f32 = 0.003;
 
 /// Errors of a rendered view by pixel: those of its colours, which are the gradient of half their squares, and by the expected depth a
 /// constant towards the `LiDAR` depth.

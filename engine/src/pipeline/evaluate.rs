@@ -10,7 +10,7 @@ use crate::{
     error::{EngineError, Result},
     evaluate::{ViewFigures, evaluate_view, lpips::Lpips, masks::dynamic_pixels},
     gaussians::physical::Splat,
-    render::{MemoryEstimate, Pass, Rendered, render},
+    render::{Device, MemoryEstimate, Pass, Rendered},
     views::{ClipFrame, PinholeView, Role, View},
 };
 
@@ -42,6 +42,8 @@ pub struct Drawing<'a> {
     pub scene: &'a [Splat],
     /// Scores for colours, drawn in input views; see [`DensityMap::splats`](crate::densify::DensityMap::splats).
     pub scores: Option<&'a [Splat]>,
+    /// Where it is drawn.
+    pub device: Device,
 }
 
 /// A view as it was drawn, with its figures.
@@ -78,12 +80,12 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
         let (rendered, scores): (Vec<Rendered>, Vec<Option<Rendered>>) = watch.time(Stage::Render, |progress| {
             let draw = |view: &&View| {
                 let pinhole = pinhole(view, figures);
-                let mut rendered = render(drawing.scene, &pinhole, BEHIND);
+                let mut rendered = drawing.device.render(drawing.scene, &pinhole, BEHIND);
                 if let Some(response) = view.response {
                     response.show(&mut rendered.rgb, &pinhole);
                 }
                 let scored = drawing.scores.filter(|_| view.role == Role::Input);
-                let scores = scored.map(|splats| render(splats, &pinhole, BEHIND));
+                let scores = scored.map(|splats| drawing.device.render(splats, &pinhole, BEHIND));
                 progress.step(Stage::Render);
                 (rendered, scores)
             };

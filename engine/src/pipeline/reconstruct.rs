@@ -20,6 +20,7 @@ use crate::{
         KnownObjective, ViewSchedule,
         adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
+    render::Device,
     views::View,
 };
 
@@ -193,9 +194,15 @@ impl<'a> Begun<'a> {
 impl Reconstruction {
     /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
     /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub(crate) fn begin_adam(&mut self, schedule: ViewSchedule, reduce: usize, num_views: usize) -> Adam {
+    pub(crate) fn begin_adam(
+        &mut self,
+        (schedule, device): (ViewSchedule, Device),
+        reduce: usize,
+        num_views: usize,
+    ) -> Adam {
         let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
-        let mut adam = Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start });
+        let mut adam =
+            Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start, device });
         let measured = self.measured.take();
         adam.begin_with(measured.filter(|measured| measured.reduce == reduce && schedule.take_all(num_views)));
         adam

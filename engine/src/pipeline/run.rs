@@ -104,7 +104,7 @@ pub(super) fn optimise(
     // A step draws the views once, as the learned refinement has.
     let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
     let mut step_s = refined.or(run.deadline.map(|deadline| deadline.adam_step_s)).unwrap_or(0.0);
-    let mut adam = made.begin_adam(schedule, reduce, inputs.views().len());
+    let mut adam = made.begin_adam((schedule, run.recipe.device.opened()), reduce, inputs.views().len());
     let (before, refine_before) = (made.seconds, watch.times.refine);
     watch.progress.begin(Stage::Refine, steps);
     let full: Vec<&View> = inputs.views().iter().collect();

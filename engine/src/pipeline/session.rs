@@ -13,6 +13,7 @@ use crate::{
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, motion::Motion, physical::to_physical},
     photometry::Colours,
+    render::Device,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -172,7 +173,7 @@ impl Session {
     /// Those of [`evaluate_views`].
     pub fn mean_figures(&self, scene: &GaussianSet, views: &[View], lpips: Option<&Lpips>) -> Result<ViewFigures> {
         let views: Vec<&View> = views.iter().collect();
-        let drawing = Drawing { scene: &to_physical(scene), scores: None };
+        let drawing = Drawing { scene: &to_physical(scene), scores: None, device: Device::Cpu };
         let keep = |drawn: RenderedView<'_>| -> Result<ViewFigures> { Ok(drawn.figures.copied().unwrap_or_default()) };
         let all = evaluate_views(drawing, &views, self.truth(lpips), &mut Watch::new(&Silent), &keep)?;
         Ok(ViewFigures::mean(all.iter()))

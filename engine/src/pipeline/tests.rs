@@ -23,6 +23,7 @@ use crate::{
     objective::objective,
     recipe::Recipe,
     refine::{KnownObjective, RefineSummary, adam::AdamRates},
+    render::Device,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
 
@@ -154,7 +155,14 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
         let keep = |drawn: super::RenderedView<'_>| {
             Result::Ok((drawn.view.frame, drawn.figures.map(|f| f.psnr), drawn.rendered.clone()))
         };
-        evaluate_views(Drawing { scene: &splats, scores: None }, &views, figures, &mut watch, &keep).unwrap()
+        evaluate_views(
+            Drawing { scene: &splats, scores: None, device: Device::Cpu },
+            &views,
+            figures,
+            &mut watch,
+            &keep,
+        )
+        .unwrap()
     };
     let (measured, moved) = (draw(truth), draw(Figures::AtTime(0.3)));
     assert_eq!(measured.iter().map(|view| view.0).collect::<Vec<_>>(), [0, 2, 0, 2, 0, 2, 0, 2, 0, 2]);

@@ -41,7 +41,7 @@ pub struct Knob {
 }
 
 /// All of them, in the order in which they are applied.
-pub const KNOBS: [Knob; 13] = [
+pub const KNOBS: [Knob; 14] = [
     Knob {
         name: "background",
         usual: "auto",
@@ -252,6 +252,19 @@ pub const KNOBS: [Knob; 13] = [
         get: |recipe| recipe.refines().then(|| json!(recipe.refine_reduce)),
         always: false,
     },
+    Knob {
+        name: "device",
+        usual: "auto",
+        value: "auto|cpu|gpu[:N]",
+        help: "Where views are drawn, in a refinement and at the end: auto: on a real GPU where there is one, else by the processor; cpu: by the \
+               processor; gpu: on the first GPU, gpu:N: on that of number N, see --devices [default: auto]",
+        words: &[],
+        aliases: &[],
+        by_budget: false,
+        set: |recipe, text| put(&mut recipe.device, text),
+        get: |recipe| Some(json!(recipe.device)),
+        always: false,
+    },
 ];
 
 impl Knob {
@@ -349,6 +362,7 @@ mod tests {
             ("line-search", "last"),
             ("refine-views", "4"),
             ("refine-reduce", "2"),
+            ("device", "gpu:1"),
         ];
         for (name, value) in values {
             let knob = KNOBS.iter().find(|knob| knob.name == name).unwrap();

@@ -10,6 +10,7 @@ use crate::{
     densify::{Density, Limit, Scope, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
     refine::{LineSearch, ViewSchedule},
+    render::DeviceChoice,
 };
 
 pub use knobs::{KNOBS, Knob};
@@ -49,6 +50,9 @@ pub struct Recipe {
     /// Learned steps whose lengths are searched for.
     #[serde(default, skip_serializing_if = "LineSearch::is_auto")]
     pub line_search: LineSearch,
+    /// Where views are drawn.
+    #[serde(default, skip_serializing_if = "DeviceChoice::is_auto")]
+    pub device: DeviceChoice,
 }
 
 impl Default for Recipe {
@@ -68,6 +72,7 @@ impl Default for Recipe {
             refine_views: None,
             refine_reduce: 1,
             line_search: LineSearch::Auto,
+            device: DeviceChoice::Auto,
         }
     }
 }

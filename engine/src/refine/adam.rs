@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use super::{KnownObjective, RefineSeconds, view_schedule::ViewSchedule, zero_non_finite};
 use crate::gaussians::{GaussianSet, NUM_ATTRIBUTES};
 use crate::loss::LossWeights;
-use crate::objective::objective;
+use crate::objective::{Wanted, objective_with};
+use crate::render::Device;
 use crate::views::View;
 
 pub use rates::{AdamRates, RateGroup};
@@ -33,6 +34,8 @@ pub struct AdamSettings {
     pub schedule: ViewSchedule,
     /// Whether the scene is near its optimum, so that the first steps are short: see [`Adam`].
     pub warm_start: bool,
+    /// Where views are drawn.
+    pub device: Device,
 }
 
 /// What an optimisation did.
@@ -92,7 +95,9 @@ impl Adam {
         let mut current = match self.measured.take() {
             Some(measured) => measured.objective,
             None => {
-                let found = objective(set, &self.settings.schedule.of_step(done, views), &LossWeights::default());
+                let chosen = self.settings.schedule.of_step(done, views);
+                let wanted = Wanted { gradient: true, device: self.settings.device, ..Wanted::default() };
+                let found = objective_with(set, &chosen, &LossWeights::default(), wanted);
                 self.summary.seconds.render += found.seconds.render;
                 self.summary.seconds.loss += found.seconds.loss;
                 found

@@ -1,13 +1,16 @@
 //! How far every Gaussian goes along its step: as far as the images around it ask.
 
+#[cfg(feature = "gpu")]
+mod gpu;
+
 use lgs_formats::casts::to_f32;
 use rayon::prelude::*;
 
-use crate::gaussians::physical::to_physical;
+use crate::gaussians::physical::{Splat, to_physical};
 use crate::gaussians::{GaussianSet, MEAN};
 use crate::network::normalise::is_carried_away;
 use crate::objective::{BEHIND, counted_pixels};
-use crate::render::{blended_sums, render_for_gradient};
+use crate::render::{Device, blended_sums, render_for_gradient};
 use crate::views::View;
 
 /// Shortest and longest step, of the one that the network asks for.
@@ -24,17 +27,8 @@ const PRIOR: f64 = 0.1;
 /// `(sum w r d + p) / (sum w d d + p)`, within 0.5..=2, over the pixels and channels of all views: w the blending weight of the Gaussian after
 /// the step, r = truth - before, d = after - before, p a tenth of the mean of `sum w d d` over the Gaussians that are shown. Where the colours
 /// around a Gaussian change in proportion to its step, that is the least squared error.
-pub fn step_lengths(before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -> Vec<f32> {
-    let splats = to_physical(after);
-    let mut sums = vec![[0.0_f64; 2]; splats.len()];
-    for (before, view) in before.iter().zip(views) {
-        let state = render_for_gradient(&splats, &view.pinhole, BEHIND);
-        let maps = agreement(before, &state.images.rgb, view);
-        for (i, [agree, change]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
-            sums[i][0] += agree;
-            sums[i][1] += change;
-        }
-    }
+pub fn step_lengths(device: Device, before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -> Vec<f32> {
+    let sums = agreements_on(device, before, &to_physical(after), views);
     let (count, total) = sums.iter().fold((0, 0.0), |(count, total), [_, change]| match *change > 0.0 {
         true => (count + 1, total + change),
         false => (count, total),
@@ -45,6 +39,26 @@ pub fn step_lengths(before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -
         if length.is_finite() { to_f32(length.clamp(LENGTHS[0], LENGTHS[1])) } else { 1.0 }
     };
     sums.iter().map(length).collect()
+}
+
+/// `[N]` sums over the views of the maps of [`agreement`] under the weights of every Gaussian.
+fn agreements_on(device: Device, before: &[Vec<f32>], splats: &[Splat], views: &[&View]) -> Vec<[f64; 2]> {
+    #[cfg(feature = "gpu")]
+    if let Some(sums) = device.try_gpu(|gpu| gpu::agreements(gpu, before, splats, views)) {
+        return sums;
+    }
+    // Without GPUs there is one device.
+    let _ = device;
+    let mut sums = vec![[0.0_f64; 2]; splats.len()];
+    for (before, view) in before.iter().zip(views) {
+        let state = render_for_gradient(splats, &view.pinhole, BEHIND);
+        let maps = agreement(before, &state.images.rgb, view);
+        for (i, [agree, change]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
+            sums[i][0] += agree;
+            sums[i][1] += change;
+        }
+    }
+    sums
 }
 
 /// `[H, W]` of a view: the product of what is wanted and what the step does, and the square of the latter; 0 where the pixel is ignored.
@@ -87,7 +101,7 @@ mod tests {
     use crate::gaussians::physical::{logit, to_physical};
     use crate::gaussians::{GaussianSet, LOGIT_COLOUR, MEAN};
     use crate::objective::BEHIND;
-    use crate::render::render_for_gradient;
+    use crate::render::{Device, render_for_gradient};
     use crate::views::{
         PinholeView, View,
         samples::{ahead, seen},
@@ -121,7 +135,7 @@ mod tests {
     fn every_gaussian_goes_as_far_as_its_images_ask() {
         let (before, after) = (scene(0.2, 0.2), scene(0.4, 0.4));
         let mut view = view(&scene(0.5, 0.3));
-        let lengths = |view: &View| step_lengths(&[drawn(&before, &view.pinhole)], &after, &[view]);
+        let lengths = |view: &View| step_lengths(Device::Cpu, &[drawn(&before, &view.pinhole)], &after, &[view]);
         let found = lengths(&view);
         // Colours are wanted to change by 0.3 and 0.1 where the step changes them by 0.2; a tenth of the usual change speaks for 1.
         assert!((found[0] - 16.0 / 11.0).abs() < 0.02 && (found[1] - 6.0 / 11.0).abs() < 0.02, "{found:?}");
@@ -138,14 +152,14 @@ mod tests {
         let (before, same) = (scene(0.2, 0.2), scene(0.2, 0.2));
         let lengths = |truth: &GaussianSet, after: &GaussianSet| {
             let view = view(truth);
-            step_lengths(&[drawn(&before, &view.pinhole)], after, &[&view])
+            step_lengths(Device::Cpu, &[drawn(&before, &view.pinhole)], after, &[&view])
         };
         assert_eq!(lengths(&scene(0.9, 0.9), &same), [1.0; 3], "nothing changed");
         assert_eq!(lengths(&scene(0.9, 0.05), &scene(0.21, 0.21))[..2], [2.0, 0.5]);
         let mut view = view(&before);
         view.image.data.fill(f32::NAN);
-        assert_eq!(step_lengths(&[drawn(&before, &view.pinhole)], &scene(0.4, 0.4), &[&view]), [1.0; 3]);
-        assert_eq!(step_lengths(&[], &before, &[]), [1.0; 3]);
+        assert_eq!(step_lengths(Device::Cpu, &[drawn(&before, &view.pinhole)], &scene(0.4, 0.4), &[&view]), [1.0; 3]);
+        assert_eq!(step_lengths(Device::Cpu, &[], &before, &[]), [1.0; 3]);
     }
 
     #[test]

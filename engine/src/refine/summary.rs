@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::ViewSchedule;
-use crate::{network::config::StepLength, objective::Objective};
+use crate::{network::config::StepLength, objective::Objective, render::Device};
 
 /// After which learned steps every Gaussian's length of the step is searched for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -52,6 +52,8 @@ pub struct RefineSettings {
     pub line_search: LineSearch,
     /// Whether per-scene optimisation follows: then the last measurement takes the gradient of the loss too, where there is one.
     pub optimised_after: bool,
+    /// Where views are drawn.
+    pub device: Device,
 }
 
 impl From<usize> for RefineSettings {
@@ -64,6 +66,7 @@ impl From<usize> for RefineSettings {
             until: None,
             line_search: LineSearch::Auto,
             optimised_after: false,
+            device: Device::Cpu,
         }
     }
 }

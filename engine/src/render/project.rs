@@ -12,14 +12,14 @@ use crate::views::{PinholeView, Shutter, shutter::Lens};
 /// A camera in f64 with the limits of its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Projector {
-    rotation: DMat3,
-    translation: DVec3,
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
     pub(super) focal: DVec2,
-    centre: DVec2,
+    pub(super) centre: DVec2,
     shutter: Option<Shutter>,
     /// Smallest and largest `x / z` and `y / z` at which the Jacobian is taken.
-    limits_min: DVec2,
-    limits_max: DVec2,
+    pub(super) limits_min: DVec2,
+    pub(super) limits_max: DVec2,
     time: f64,
     size: [usize; 2],
 }

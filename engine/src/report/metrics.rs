@@ -13,6 +13,7 @@ use crate::{
     points::{Dropped, Turn},
     recipe::{KNOBS, Recipe},
     refine::adam::AdamSummary,
+    render::DrawnOn,
     views::Role,
 };
 
@@ -36,6 +37,8 @@ pub struct Metrics {
     pub weights: Option<String>,
     /// Threads that worked.
     pub threads: usize,
+    /// Where views were drawn.
+    pub drawn_on: DrawnOn,
     /// Seed of everything that is drawn at random.
     pub seed: u64,
     /// How many Gaussians there were.

@@ -9,21 +9,21 @@ use super::PinholeView;
 /// How far beyond its image a camera is followed, in readouts.
 const BEYOND: f64 = 0.5;
 /// Lines that a point moves over while the shutter goes over one, at most: what is faster is beside the camera and out of its image.
-const FASTEST: f64 = 0.5;
+pub(crate) const FASTEST: f64 = 0.5;
 
 /// The rolling shutter of a view, and how its camera moves meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shutter {
     /// Seconds after the view's time at the upper left corner of the image.
-    first: f64,
+    pub(crate) first: f64,
     /// Seconds a pixel to the right, and a pixel down.
-    by_pixel: DVec2,
+    pub(crate) by_pixel: DVec2,
     /// Earliest and latest moment at which the camera is followed, seconds.
-    limits: [f64; 2],
+    pub(crate) limits: [f64; 2],
     /// Rotation vector of the camera a second, radians, in its own axes at the view's time.
-    turn: DVec3,
+    pub(crate) turn: DVec3,
     /// Velocity of the camera, metres a second, in the same axes.
-    drift: DVec3,
+    pub(crate) drift: DVec3,
 }
 
 /// What a shutter makes of a point.

@@ -10,6 +10,7 @@ use lgs_engine::{
     network::model::Model,
     pipeline::{Drawing, Opening, Reconstruction, RenderedView, Run, Session, Silent, Watch, evaluate_views},
     recipe::Recipe,
+    render::Device,
     report::{Picture, PictureKind},
     views::{Selection, View},
 };
@@ -162,7 +163,8 @@ impl Evaluator<'_> {
             Ok(Measured { record, size, pictures })
         };
         let views: Vec<&View> = held_out.iter().collect();
-        let drawing = Drawing { scene: &to_physical(&made.scene), scores: None };
+        // Figures are those of the processor, whatever made the scene.
+        let drawing = Drawing { scene: &to_physical(&made.scene), scores: None, device: Device::Cpu };
         evaluate_views(drawing, &views, session.truth(self.lpips), &mut Watch::new(&Silent), &keep)
     }
 

@@ -130,7 +130,8 @@ impl Bench<'_> {
         let session = self.open(&mut watch)?;
         let made = session.run(&self.run(), &mut watch)?;
         let (scene, scores) = (to_physical(&made.scene), made.density.as_ref().map(DensityMap::splats));
-        let drawing = Drawing { scene: &scene, scores: scores.as_deref() };
+        let device = self.run().recipe.device.opened();
+        let drawing = Drawing { scene: &scene, scores: scores.as_deref(), device };
         let views: Vec<&View> = session.inputs().views().iter().collect();
         evaluate_views(drawing, &views, session.truth(None), &mut watch, &|_: RenderedView<'_>| -> EngineResult<()> {
             Ok(())

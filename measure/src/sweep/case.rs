@@ -7,6 +7,7 @@ use lgs_engine::{
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, physical::to_physical},
     pipeline::{Drawing, Opening, RenderedView, Session, Silent, Watch, evaluate_views},
+    render::Device,
     views::{Role, View},
 };
 use lgs_formats::{clip::Clip, clip_dir::ClipDir};
@@ -104,7 +105,7 @@ pub fn scene_figures(session: &Session, scenes: &[&GaussianSet], lpips: Option<&
             let crop = shown.then(|| Crop::of(&rendered.rgb, &view.image));
             Ok((figures.copied().unwrap_or_default(), crop))
         };
-        let drawing = Drawing { scene: &to_physical(scene), scores: None };
+        let drawing = Drawing { scene: &to_physical(scene), scores: None, device: Device::Cpu };
         let all = evaluate_views(drawing, &views, session.truth(lpips), &mut Watch::new(&Silent), &keep)?;
         let (figures, crops): (Vec<_>, Vec<_>) = all.into_iter().unzip();
         Ok(SceneFigures { figures: ViewFigures::mean(figures.iter()).into(), crop: crops.into_iter().flatten().next() })

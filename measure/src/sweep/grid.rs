@@ -24,7 +24,7 @@ pub struct Axis {
 }
 
 /// All of them but those of per-scene optimisation.
-pub const AXES: [Axis; 11] = [
+pub const AXES: [Axis; 12] = [
     Axis { name: "background", knobs: &["background"], none: "", usual: "auto,gaps", help: "Backgrounds" },
     Axis {
         name: "coarseness",
@@ -95,6 +95,13 @@ pub const AXES: [Axis; 11] = [
         none: "",
         usual: "1",
         help: "How many times smaller in width and height the images are that a step looks at, 1 to 64",
+    },
+    Axis {
+        name: "device",
+        knobs: &["device"],
+        none: "",
+        usual: "auto",
+        help: "Where views are drawn: auto, cpu, gpu or gpu:N",
     },
 ];
 

@@ -69,6 +69,7 @@ impl Setting {
         }
         parts.extend((recipe.adam_steps > 0 || !recipe.network).then(|| format!("Adam {}", recipe.adam_steps)));
         parts.extend(recipe.refine_views.map(|views| format!("{views} views a step")));
+        parts.extend((!recipe.device.is_auto()).then(|| format!("on {}", String::from(recipe.device))));
         parts.extend((recipe.refine_reduce > 1).then(|| format!("images 1/{}", recipe.refine_reduce)));
         if recipe.network {
             parts.extend((!recipe.query).then(|| "no query".to_owned()));

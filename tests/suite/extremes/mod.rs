@@ -18,6 +18,8 @@ use std::path::Path;
 use lgs_tests::{Needed, Outcome, case, case_if};
 use libtest_mimic::Trial;
 
+use crate::gpu::adapter;
+
 /// One extreme input.
 #[derive(Clone, Copy, Debug)]
 struct Extreme {
@@ -78,6 +80,13 @@ pub(crate) fn cases(others: Vec<String>) -> Vec<Trial> {
     let mut cases = Vec::new();
     for group in GROUPS {
         cases.extend(group.cases.iter().map(|one| one.case(group.name)));
+    }
+    let needed = adapter::needed();
+    // Those that draw.
+    let draws = |one: &&Extreme| !["is_not_written", "is_not_refined"].iter().any(|end| one.name.ends_with(end));
+    for one in gaussians::CASES.iter().filter(draws) {
+        let body = || tiny::on_gpu(one.body);
+        cases.push(case_if(&needed, format!("gpu::extremes::{}", one.name), body));
     }
     cases.push(case("extremes::table_is_that_of_the_cases", move || table::check(&others)));
     cases

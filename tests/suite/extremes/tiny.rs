@@ -1,5 +1,6 @@
 //! Small clips, scenes and views that the cases spoil.
 
+use std::cell::Cell;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,6 +8,7 @@ use lgs_engine::gaussians::background::Mode;
 use lgs_engine::gaussians::physical::{Splat, SplatGradient, to_physical};
 use lgs_engine::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, MEAN, NUM_ATTRIBUTES, QUAT};
 use lgs_engine::pipeline::{Opening, Reconstruction, Run, Session, Silent, Watch};
+use lgs_engine::render::gpu::render_and_backward;
 use lgs_engine::render::{ImageGradient, Rendered, backward, render, render_for_gradient};
 use lgs_engine::views::{DepthSample, PinholeView, Role, Selection, View};
 use lgs_formats::camera::{Camera, Intrinsics};
@@ -20,6 +22,7 @@ use lgs_tests::random::Random;
 use libtest_mimic::Failed;
 
 use super::{all_finite, ensure, failed};
+use crate::gpu::adapter;
 
 /// Width and height of the images of made clips, pixels.
 pub(super) const SIZE: [u32; 2] = [24, 16];
@@ -145,20 +148,41 @@ pub(super) fn drawn(set: &GaussianSet) -> Result<Rendered, Failed> {
     drawn_splats(&splats).map(|(image, _)| image)
 }
 
+thread_local! {
+    /// Whether what a case draws is drawn on a GPU.
+    static ON_GPU: Cell<bool> = const { Cell::new(false) };
+}
+
+/// What comes of a case that draws on a GPU.
+pub(super) fn on_gpu(body: fn() -> Outcome) -> Outcome {
+    ON_GPU.set(true);
+    let outcome = body();
+    ON_GPU.set(false);
+    outcome
+}
+
 /// The image and the gradients of physical values, which are finite.
 pub(super) fn drawn_splats(splats: &[Splat]) -> Result<(Rendered, Vec<SplatGradient>), Failed> {
-    let state = render_for_gradient(splats, &AHEAD, [0.25, 0.5, 0.125]);
-    finite_image(&state.images)?;
+    let behind = [0.25, 0.5, 0.125];
     let ones = ImageGradient {
         rgb: vec![1.0; 3 * AHEAD.num_pixels()],
         alpha: vec![1.0; AHEAD.num_pixels()],
         ..ImageGradient::default()
     };
-    let gradients = backward(splats, &AHEAD, &state, &ones);
+    let (images, gradients) = if ON_GPU.get() {
+        let gpu = adapter::gpu().map_err(|needed| format!("{needed:?}"))?;
+        let drawn = render_and_backward(gpu, splats, (&AHEAD, behind), &ones, [&[], &[]]).map_err(failed)?;
+        (drawn.images, drawn.splats)
+    } else {
+        let state = render_for_gradient(splats, &AHEAD, behind);
+        let gradients = backward(splats, &AHEAD, &state, &ones);
+        (state.images, gradients)
+    };
+    finite_image(&images)?;
     for g in &gradients {
         all_finite("gradient", [&g.mean[..], &g.quat, &g.scale, &[g.opacity], &g.colour, &g.velocity].concat())?;
     }
-    Ok((state.images, gradients))
+    Ok((images, gradients))
 }
 
 /// A random scene of `count` Gaussians of two moments in front of a camera, the last tenth of them background, and the view of an image

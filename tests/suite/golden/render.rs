@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use lgs_engine::render::reference::{self, Gradient, Images};
-use lgs_engine::render::{backward, render, render_for_gradient};
+use lgs_engine::render::{backward, gpu, render, render_for_gradient};
 use lgs_tests::compare::{absolute, close_l2, close_where, l2, relative};
 use lgs_tests::golden::render::{GoldenLoss, RenderGolden, load};
 use lgs_tests::golden::tensors::TensorFile;
@@ -12,8 +12,10 @@ use lgs_tests::pictures::with_pictures;
 use lgs_tests::scenes::{
     GRADIENT_PARTS, flat_gradient, gradients_of, image_gradient, images_of, pinhole, splats, weighted_sum,
 };
-use lgs_tests::{Outcome, case};
+use lgs_tests::{Outcome, case, case_if};
 use libtest_mimic::Trial;
+
+use crate::gpu::adapter;
 
 const BLACK: [f64; 3] = [0.0; 3];
 /// The images were stored as f32.
@@ -21,6 +23,8 @@ const STORED: f64 = 1e-7;
 const TWIN_GRADIENT: f64 = 1e-6;
 const FAST_IMAGE: f64 = 5e-5;
 const FAST_GRADIENT: f64 = 1e-3;
+const GPU_IMAGE: f64 = 1e-4;
+const GPU_GRADIENT: f64 = 2e-3;
 /// A gradient of the expected depth that is smaller than this part of the main one is the rounding noise of terms that cancel
 /// (one Gaussian alone does not change its expected depth by its shape): then the main one is its measure.
 const CANCELLED: f64 = 1e-9;
@@ -37,7 +41,13 @@ fn cases_of(file: &GoldenFile) -> Vec<Trial> {
         let (name, path): (String, PathBuf) = (format!("{}::{what}", file.name), file.path.clone());
         case(name.clone(), move || check(&name, &load(&TensorFile::open(&path)?)?))
     };
+    let on_gpu = |what: &str, check: fn(&str, &RenderGolden) -> Outcome| {
+        let (name, path): (String, PathBuf) = (format!("{}::{what}", file.name), file.path.clone());
+        case_if(&adapter::needed(), name.clone(), move || check(&name, &load(&TensorFile::open(&path)?)?))
+    };
     vec![
+        on_gpu("gpu_images", gpu_images),
+        on_gpu("gpu_gradients", gpu_gradients),
         with("twin_images", twin_images),
         with("twin_losses", twin_losses),
         with("twin_gradients", twin_gradients),
@@ -92,6 +102,25 @@ fn fast_gradients(_name: &str, golden: &RenderGolden) -> Outcome {
     for (name, loss) in [("main", &golden.main), ("expected depth", &golden.expected_depth)] {
         let got = gradients_of(&backward(&splats, &view, &state, &image_gradient(&loss.weights)));
         compare_gradients(name, &got, loss, golden, FAST_GRADIENT)?;
+    }
+    Ok(())
+}
+
+fn gpu_images(name: &str, golden: &RenderGolden) -> Outcome {
+    let gpu = adapter::gpu().map_err(|needed| format!("{needed:?}"))?;
+    let rendered = gpu::render(gpu, &splats(&golden.gaussians), &pinhole(&golden.camera), [0.0; 3])?;
+    let got = images_of(&rendered);
+    let outcome = compare_images(golden, &got, GPU_IMAGE);
+    with_pictures(outcome, name, golden.camera.width, &got.rgb, &golden.images.rgb)
+}
+
+fn gpu_gradients(_name: &str, golden: &RenderGolden) -> Outcome {
+    let gpu = adapter::gpu().map_err(|needed| format!("{needed:?}"))?;
+    let (splats, view) = (splats(&golden.gaussians), pinhole(&golden.camera));
+    for (name, loss) in [("main", &golden.main), ("expected depth", &golden.expected_depth)] {
+        let gradient = image_gradient(&loss.weights);
+        let drawn = gpu::render_and_backward(gpu, &splats, (&view, [0.0; 3]), &gradient, [&[], &[]])?;
+        compare_gradients(name, &gradients_of(&drawn.splats), loss, golden, GPU_GRADIENT)?;
     }
     Ok(())
 }

@@ -1,10 +1,12 @@
-//! One face for both renderers, so that one test body serves both.
+//! One face for all renderers, so that one test body serves all.
 
 use lgs_engine::render::reference::{self, Gradient, Images};
-use lgs_engine::render::{backward, render, render_for_gradient};
-use lgs_tests::case;
+use lgs_engine::render::{backward, gpu, render, render_for_gradient};
 use lgs_tests::scenes::{Scene, flat_gradient, gradients_of, image_gradient, images_of, pinhole, splats};
+use lgs_tests::{Needed, case_if};
 use libtest_mimic::Trial;
+
+use crate::gpu::adapter;
 
 /// A renderer under test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +15,8 @@ pub(crate) enum Renderer {
     Twin,
     /// The fast path.
     Fast,
+    /// The kernels of a GPU.
+    Gpu,
 }
 
 /// The colour behind the scenes of these cases.
@@ -22,12 +26,16 @@ pub(crate) const BACKGROUND: [f64; 3] = [0.25, 0.5, 0.125];
 pub(crate) const SINGLE_BACKGROUND: [f32; 3] = [0.25, 0.5, 0.125];
 
 impl Renderer {
-    pub(crate) const ALL: [Self; 2] = [Self::Twin, Self::Fast];
+    pub(crate) const ALL: [Self; 3] = [Self::Twin, Self::Fast, Self::Gpu];
 
     pub(crate) fn images(self, scene: &Scene) -> Images {
         match self {
             Self::Twin => reference::render(&scene.gaussians, &scene.camera, BACKGROUND),
             Self::Fast => images_of(&render(&splats(&scene.gaussians), &pinhole(&scene.camera), SINGLE_BACKGROUND)),
+            Self::Gpu => {
+                let (splats, view) = (splats(&scene.gaussians), pinhole(&scene.camera));
+                images_of(&gpu::render(opened(), &splats, &view, SINGLE_BACKGROUND).expect("the GPU draws"))
+            }
         }
     }
 
@@ -39,6 +47,13 @@ impl Renderer {
                 let state = render_for_gradient(&splats, &view, SINGLE_BACKGROUND);
                 gradients_of(&backward(&splats, &view, &state, &image_gradient(v_images)))
             }
+            Self::Gpu => {
+                let (splats, view) = (splats(&scene.gaussians), pinhole(&scene.camera));
+                let gradient = image_gradient(v_images);
+                let drawn = (&view, SINGLE_BACKGROUND);
+                let got = gpu::render_and_backward(opened(), &splats, drawn, &gradient, [&[], &[]]);
+                gradients_of(&got.expect("the GPU draws").splats)
+            }
         }
     }
 
@@ -46,7 +61,7 @@ impl Renderer {
     pub(crate) fn rounding(self) -> f64 {
         match self {
             Self::Twin => 1e-9,
-            Self::Fast => 1e-6,
+            Self::Fast | Self::Gpu => 1e-6,
         }
     }
 
@@ -54,7 +69,7 @@ impl Renderer {
     pub(crate) fn step(self) -> f64 {
         match self {
             Self::Twin => 1e-6,
-            Self::Fast => 5e-4,
+            Self::Fast | Self::Gpu => 5e-4,
         }
     }
 
@@ -62,7 +77,7 @@ impl Renderer {
     pub(crate) fn step_margin(self) -> f64 {
         match self {
             Self::Twin => 1e-4,
-            Self::Fast => 0.05,
+            Self::Fast | Self::Gpu => 0.05,
         }
     }
 
@@ -70,7 +85,7 @@ impl Renderer {
     pub(crate) fn difference_tolerance(self) -> f64 {
         match self {
             Self::Twin => 1e-5,
-            Self::Fast => 3e-2,
+            Self::Fast | Self::Gpu => 3e-2,
         }
     }
 
@@ -79,9 +94,15 @@ impl Renderer {
         let name = match self {
             Self::Twin => "twin",
             Self::Fast => "fast",
+            Self::Gpu => "gpu",
         };
-        case(format!("render::{name}::{what}"), move || body(self))
+        let needed = if self == Self::Gpu { adapter::needed() } else { Needed::Here };
+        case_if(&needed, format!("render::{name}::{what}"), move || body(self))
     }
+}
+
+fn opened() -> &'static gpu::Gpu {
+    adapter::gpu().expect("cases run where there is one")
 }
 
 /// Every number of the gradients, Gaussian by Gaussian.

@@ -17,6 +17,7 @@ use lgs_engine::{
     objective::{Objective, Terms, Wanted, objective, objective_with},
     predict::add_outputs,
     refine::{lengthen, step_lengths, wanted, zero_non_finite_guide},
+    render::Device,
     views::View,
 };
 use rayon::prelude::*;
@@ -117,7 +118,7 @@ pub fn compute(
         let outcomes = self::outcomes(|branch| passes.refine(&set, before, branch))?;
         let mut next = self::updated(&set, &outcomes)?;
         let local = config.step_length == StepLength::Local;
-        let lengths = local.then(|| step_lengths(&before.images, &next, &inputs));
+        let lengths = local.then(|| step_lengths(Device::Cpu, &before.images, &next, &inputs));
         if let Some(lengths) = &lengths {
             lengthen(&mut next, &set, lengths);
         }

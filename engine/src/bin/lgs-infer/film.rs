@@ -7,7 +7,8 @@ use lgs_engine::{
     allocator::available_bytes,
     gaussians::physical::Splat,
     pipeline::{MemorySettings, Need, Progress, Stage},
-    render::{MemoryEstimate, Pass, render},
+    recipe::Recipe,
+    render::{Device, MemoryEstimate, Pass},
     views::{ClipFrame, PinholeView, Response, View, between, keys_of_camera, path_views},
 };
 use lgs_formats::casts::to_u32;
@@ -35,6 +36,8 @@ pub(crate) struct Film {
     views: Vec<PinholeView>,
     /// Pictures per second.
     rate: f32,
+    /// Where they are drawn.
+    device: Device,
 }
 
 impl Film {
@@ -69,7 +72,8 @@ impl Film {
         };
         check_size(&lens)?;
         let views = path_views(&keys, &lens, frame, args.at_time);
-        Ok(Some(Self { views, rate: args.path_fps.unwrap_or(RATE) }))
+        let device = args.recipe.of(Recipe::default()).device.opened();
+        Ok(Some(Self { views, rate: args.path_fps.unwrap_or(RATE), device }))
     }
 
     /// Number of pictures.
@@ -100,7 +104,7 @@ impl Film {
         progress.begin(Stage::Render, self.views.len());
         let written = write_animation(&out.join("path.png"), film, &mut |index| {
             let view = &self.views[index as usize];
-            let mut drawn = render(scene, view, BEHIND);
+            let mut drawn = self.device.render(scene, view, BEHIND);
             if let Some(response) = shown {
                 response.show(&mut drawn.rgb, view);
             }

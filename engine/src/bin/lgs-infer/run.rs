@@ -17,6 +17,7 @@ use lgs_engine::{
     photometry::Photometry,
     pipeline::{Drawing, Figures, Opening, RenderedView, Session, Stage, Watch, begin, evaluate_views},
     recipe::Recipe,
+    render::devices,
     report::{Config, METRICS_FORMAT, Metrics, MovingShares, Page, PageView, RoleMeans, ViewRecord, html},
     views::{SelectedFrames, Selection, View},
 };
@@ -41,6 +42,9 @@ use crate::{
 
 /// Does what the command line asks for and returns what to print.
 pub(crate) fn run(args: &Args) -> Result<Outcome> {
+    if args.devices {
+        return Ok((devices().join("\n") + "\n").into());
+    }
     match (&args.describe, &args.clip_dir) {
         (Some(file), _) => Ok(describe(&config_of(file)?)?.into()),
         (None, Some(clip)) => infer(args, clip),
@@ -63,6 +67,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     plan::check(args)?;
     let threads = threads::set_num_threads(args.threads())?;
+    // A GPU that the processor plays brings threads of its own.
+    args.recipe.of(Recipe::default()).device.check()?;
     let bars = StageBars::default();
     let mut watch = Watch::new(&bars);
     let dir = watch.time(Stage::Load, |_| importers::open_part(clip, &needed(args)))?;
@@ -96,6 +102,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
+        drawn_on: plan.recipe.device.opened().drawn_on(),
         seed: args.seed,
         gaussians: reconstruction.counts,
         moving: MovingShares::of(&reconstruction.scene),
@@ -220,7 +227,9 @@ impl OpenedRun<'_> {
             Ok((record, pictures_of(drawn, figures, width)?))
         };
         let (scene, scores) = (to_physical(scene), density.map(DensityMap::splats));
-        evaluate_views(Drawing { scene: &scene, scores: scores.as_deref() }, &views, figures, watch, &keep)
+        let device = self.args.recipe.of(Recipe::default()).device.opened();
+        let drawing = Drawing { scene: &scene, scores: scores.as_deref(), device };
+        evaluate_views(drawing, &views, figures, watch, &keep)
     }
 
     fn figures(&self) -> Figures<'_> {

@@ -20,7 +20,8 @@ pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
     let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
     let mounts = metrics.mounts.as_ref().map(|found| format!("mounts: {}", found.in_words()));
     let colours = colours.in_words().map(|words| format!("cameras: {words}"));
-    maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(mounts).chain(colours).collect()
+    let refused = metrics.drawn_on.refused.iter().map(|reason| format!("device: drawn by the CPU, since {reason}"));
+    maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(mounts).chain(colours).chain(refused).collect()
 }
 
 /// A page of text: mean figures, counts, times and where the files are.
@@ -65,6 +66,7 @@ pub(crate) fn summary(metrics: &Metrics, total_s: f64, out: &Path, film: Option<
     line(&mut text, "", &times.join("  "));
     let memory = metrics.peak_rss_mb.map_or("unknown".to_owned(), |mb| format!("{mb:.0} MB"));
     line(&mut text, "peak memory", &format!("{memory}, {} threads", metrics.threads));
+    line(&mut text, "drawn on", &metrics.drawn_on.device);
     line(&mut text, "written to", &out.display().to_string());
     if let Some(film) = film {
         line(&mut text, "film", &format!("{} pictures, {}", film.len(), out.join("path.png").display()));

@@ -5,9 +5,9 @@ use pulp::{Simd, WithSimd};
 use super::window::{MARGIN, SLACK, WINDOW, covering_starts, horizontal, load, store};
 
 /// Stabiliser of the luminance term, `0.01^2`.
-const C1: f32 = 1e-4;
+pub(in crate::loss) const C1: f32 = 1e-4;
 /// Stabiliser of the contrast and structure term, `0.03^2`.
-const C2: f32 = 9e-4;
+pub(in crate::loss) const C2: f32 = 9e-4;
 
 /// Window sums of one window row along the columns: [`Moments`] from eleven rows of both images.
 pub(super) struct VerticalMoments<'a> {

@@ -10,8 +10,8 @@
 //! equation 13.
 
 mod backward;
-mod forward;
-mod window;
+pub(super) mod forward;
+pub(super) mod window;
 
 #[cfg(test)]
 mod reference;

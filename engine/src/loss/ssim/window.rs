@@ -8,7 +8,7 @@ use pulp::Simd;
 use lgs_formats::casts::to_f32;
 
 /// Side of the window, pixels.
-pub(super) const WINDOW: usize = 11;
+pub(in crate::loss) const WINDOW: usize = 11;
 /// Standard deviation of the window, pixels.
 const SIGMA: f32 = 1.5;
 /// Colour channels.
@@ -20,7 +20,7 @@ pub(super) const SLACK: usize = 32;
 
 /// The window's weights along one axis. They sum to 1 beyond f32 precision: what rounding them left over is in the two
 /// outermost, because a sum off by 1e-7 would count as variance in a flat region.
-pub(super) fn window() -> [f32; WINDOW] {
+pub(in crate::loss) fn window() -> [f32; WINDOW] {
     let centre = (WINDOW / 2) as f32;
     let raw: [f32; WINDOW] = std::array::from_fn(|k| (-((k as f32 - centre) / SIGMA).powi(2) / 2.0).exp());
     let sum: f32 = raw.iter().sum();

@@ -8,6 +8,7 @@ use crate::{
     photometry::Colours,
     pipeline::{GaussianCounts, StageTimes},
     recipe::Recipe,
+    render::DrawnOn,
     report::{Config, METRICS_FORMAT, MovingShares, RoleMeans, ViewRecord},
 };
 
@@ -37,6 +38,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         },
         weights: None,
         threads: 2,
+        drawn_on: DrawnOn { device: "CPU".to_owned(), refused: Vec::new() },
         seed: 0,
         budget: None,
         gaussians: GaussianCounts { initial: 1200, last: 1200, background: 34, ..GaussianCounts::default() },

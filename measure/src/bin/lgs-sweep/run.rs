@@ -65,6 +65,9 @@ fn measure(args: &SweepArgs) -> Result<Outcome> {
         return scaling::run(args, threads, &networks.loaded);
     }
     let grid = grid(args, &networks);
+    for setting in grid.iter().flat_map(|run| &run.settings) {
+        setting.recipe.device.check()?;
+    }
     match args.one {
         Some(one) => Ok(evaluate_one(args, one, &networks, &grid)?.into()),
         None => sweep(args, threads, &networks, grid),

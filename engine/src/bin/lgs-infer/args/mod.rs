@@ -35,12 +35,16 @@ const MAX_THREADS: u64 = 1024;
 #[command(name = "lgs-infer", version, max_term_width = 110)]
 pub(crate) struct Args {
     /// Clip directory: a folder with a `clip.json` of format lgs-clip/1, or a folder that `lgs-clip import` knows
-    #[arg(value_name = "CLIP_DIR", required_unless_present = "describe")]
+    #[arg(value_name = "CLIP_DIR", required_unless_present_any = ["describe", "devices"])]
     pub(crate) clip_dir: Option<PathBuf>,
 
     /// Print the model of a config or of a weights file as a table and do nothing else [default: none]
     #[arg(long, value_name = "FILE", conflicts_with = "clip_dir")]
     pub(crate) describe: Option<PathBuf>,
+
+    /// Print what can draw, a line each, as --device takes it, and do nothing else
+    #[arg(long, conflicts_with_all = ["clip_dir", "describe"])]
+    pub(crate) devices: bool,
 
     /// Folder to write to, made when it is missing [default: out/<name of the clip>]
     #[arg(long, value_name = "DIR")]

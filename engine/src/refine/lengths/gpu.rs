@@ -1,0 +1,30 @@
+//! What the images ask of steps, on a GPU.
+
+use crate::gaussians::physical::Splat;
+use crate::loss::{LossWeights, gpu};
+use crate::objective::BEHIND;
+use crate::render::gpu::{Gpu, GpuError};
+use crate::views::View;
+
+/// `[N]` sums over the views of what is wanted of a step times what it does, and of the square of the latter, under the weights of every Gaussian.
+///
+/// # Errors
+/// Where a view does not fit, or the GPU has stopped.
+pub(super) fn agreements(
+    gpu: &Gpu,
+    before: &[Vec<f32>],
+    splats: &[Splat],
+    views: &[&View],
+) -> Result<Vec<[f64; 2]>, GpuError> {
+    let mut work = gpu.work()?;
+    let scene = work.load(splats)?;
+    let sums = gpu::LossSums::new(&mut work, views, &LossWeights::default())?;
+    for (number, (before, view)) in before.iter().zip(views).enumerate() {
+        let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
+        let truth = sums.truth(&mut work, number, view)?;
+        let maps = gpu::agreement(&mut work, &truth, &drawn, before)?;
+        work.add_backward(&scene, &drawn, &maps, &scene.gradients, 1.0)?;
+    }
+    let rows = work.read_rows(&scene.gradients, splats.len())?;
+    Ok(rows.iter().map(|row| row.mapped.map(f64::from)).collect())
+}

@@ -1,0 +1,222 @@
+//! The gradient of a drawn view, and sums of two maps under every Gaussian's blending weights.
+
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use lgs_formats::casts::to_u32;
+use rayon::prelude::*;
+use wgpu::Buffer;
+
+use super::super::ImageGradient;
+use super::device::GpuError;
+use super::forward::Drawn;
+use super::kernels::{Kernel, MAPPED, ROW, SEEN, SUMS};
+use super::project::{PROJECTION, SceneBuffers};
+use super::work::{Work, groups_over};
+use crate::gaussians::physical::SplatGradient;
+
+const UNCOMPOSITE: Kernel = Kernel::new("uncomposite", &[include_str!("backward.wgsl")]);
+const BACK: &[&str] = &[PROJECTION, include_str!("project_backward.wgsl")];
+const SUM_TILES: Kernel = Kernel::new("sum_tiles", BACK);
+const PROJECT_BACK: Kernel = Kernel::new("project_back", BACK);
+
+/// Bytes of an intersection's sums.
+const SUMS_BYTES: u64 = (SUMS * size_of::<f32>()) as u64;
+
+/// What going back over tiles is told.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Uncomposite {
+    size: [u32; 4],
+    background: [f32; 4],
+    /// First tile, tiles and first place.
+    batch: [u32; 4],
+}
+
+/// What the sums of a batch are told.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Back {
+    /// First place and places, and whether a batch is the first.
+    batch: [u32; 4],
+    factor: [f32; 4],
+}
+
+/// Tiles whose sums are held at the same time, and their places.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Batch {
+    tiles: Range<u32>,
+    places: Range<u32>,
+}
+
+/// What one Gaussian's row says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Row {
+    /// By physical values.
+    pub(crate) gradient: SplatGradient,
+    /// Sums of the two maps.
+    pub(crate) mapped: [f32; 2],
+    /// Whether a view shows it.
+    pub(crate) is_seen: bool,
+}
+
+impl Work<'_> {
+    /// Adds `factor` times a view's gradient to rows, and the sums of its maps.
+    ///
+    /// # Shapes
+    /// `gradients` `[H, W, 2, 4]`: by colours and expected depth; by accumulated alpha and depth, then two maps. `rows` `[N, ROW]`.
+    ///
+    /// # Errors
+    /// Where it does not fit, or the GPU has stopped.
+    pub(crate) fn add_backward(
+        &mut self,
+        scene: &SceneBuffers,
+        drawn: &Drawn,
+        gradients: &Buffer,
+        rows: &Buffer,
+        factor: f32,
+    ) -> Result<(), GpuError> {
+        if drawn.num_intersections == 0 {
+            return Ok(());
+        }
+        let most = self.most_bytes() / SUMS_BYTES;
+        let batches = self.batches(drawn, u32::try_from(most).unwrap_or(u32::MAX))?;
+        let room = batches.iter().map(|batch| batch.places.len()).max().unwrap_or(0);
+        let sums = self.buffer::<[f32; SUMS]>("sums of intersections", room)?;
+        let totals = self.buffer::<[f32; SUMS]>("sums of Gaussians", drawn.num_visible as usize)?;
+        let lists = &drawn.lists;
+        let over_visible = groups_over(drawn.num_visible);
+        for (number, Batch { tiles, places }) in batches.iter().enumerate() {
+            let [r, g, b] = drawn.background;
+            let told = self.uniform(&Uncomposite {
+                size: [drawn.size[0], drawn.size[1], drawn.columns, lists.num_tiles],
+                background: [r, g, b, 0.0],
+                batch: [tiles.start, tiles.end - tiles.start, places.start, 0],
+            });
+            let bindings = [
+                (0, &told),
+                (1, &drawn.footprints),
+                (2, &lists.first_of_tile),
+                (3, &lists.intersections),
+                (4, &drawn.image),
+                (5, &drawn.ends),
+                (6, gradients),
+                (7, &sums),
+            ];
+            self.run(&UNCOMPOSITE, &bindings, tiles.end - tiles.start);
+            let batch = [places.start, places.end - places.start, u32::from(number == 0), 0];
+            let back = self.uniform(&Back { batch, factor: [factor, 0.0, 0.0, 0.0] });
+            let bindings = [
+                (0, &lists.camera),
+                (1, &back),
+                (3, &lists.first_of_splat),
+                (4, &lists.places),
+                (5, &sums),
+                (6, &totals),
+            ];
+            self.run(&SUM_TILES, &bindings, over_visible);
+        }
+        let back = self.uniform(&Back { batch: [0; 4], factor: [factor, 0.0, 0.0, 0.0] });
+        let bindings = [
+            (0, &lists.camera),
+            (1, &back),
+            (2, &lists.visible),
+            (6, &totals),
+            (7, &scene.shapes),
+            (8, &scene.looks),
+            (9, rows),
+        ];
+        self.run(&PROJECT_BACK, &bindings, over_visible);
+        Ok(())
+    }
+
+    /// Tiles in runs of at most so many places; one run where all fit.
+    fn batches(&mut self, drawn: &Drawn, most: u32) -> Result<Vec<Batch>, GpuError> {
+        let num_tiles = drawn.lists.num_tiles;
+        if drawn.num_intersections <= most {
+            return Ok(vec![Batch { tiles: 0..num_tiles, places: 0..drawn.num_intersections }]);
+        }
+        let first = self.read::<u32>(&drawn.lists.first_of_tile, 0, num_tiles as usize + 1)?;
+        runs(&first, most).ok_or_else(|| GpuError::TooLarge {
+            what: "sums of a tile",
+            need: u64::from(drawn.num_intersections) * SUMS_BYTES,
+            limit: self.most_bytes(),
+        })
+    }
+
+    /// `[H, W, 2, 4]` of a gradient by a view's images, and of two maps; empty vectors stand for zeros.
+    ///
+    /// # Errors
+    /// As [`Work::buffer`].
+    pub(super) fn upload_gradient(
+        &mut self,
+        drawn: &Drawn,
+        gradient: &ImageGradient,
+        maps: [&[f32]; 2],
+    ) -> Result<Buffer, GpuError> {
+        let at = |values: &[f32], i: usize| values.get(i).copied().unwrap_or(0.0);
+        let of_pixel = |p: usize| {
+            let [r, g, b] = [0, 1, 2].map(|c| at(&gradient.rgb, 3 * p + c));
+            let rest = [at(&gradient.alpha, p), at(&gradient.depth, p), at(maps[0], p), at(maps[1], p)];
+            [[r, g, b, at(&gradient.expected_depth, p)], rest]
+        };
+        let values: Vec<[[f32; 4]; 2]> = (0..drawn.num_pixels()).into_par_iter().map(of_pixel).collect();
+        self.upload("gradients of pixels", &values)
+    }
+
+    /// What rows say.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] where the GPU has stopped.
+    pub(crate) fn read_rows(&mut self, rows: &Buffer, len: usize) -> Result<Vec<Row>, GpuError> {
+        Ok(self.read::<[f32; ROW]>(rows, 0, len)?.par_iter().map(Row::of).collect())
+    }
+}
+
+impl Row {
+    fn of(row: &[f32; ROW]) -> Self {
+        let gradient = SplatGradient {
+            mean: std::array::from_fn(|k| row[k]),
+            quat: std::array::from_fn(|k| row[3 + k]),
+            scale: std::array::from_fn(|k| row[7 + k]),
+            opacity: row[10],
+            colour: std::array::from_fn(|k| row[11 + k]),
+            velocity: std::array::from_fn(|k| row[14 + k]),
+        };
+        Self { gradient, mapped: [row[MAPPED], row[MAPPED + 1]], is_seen: row[SEEN] > 0.0 }
+    }
+}
+
+/// Runs of tiles of at most `most` places; `None` where one tile has more.
+fn runs(first_of_tile: &[u32], most: u32) -> Option<Vec<Batch>> {
+    let mut batches = Vec::new();
+    let mut start = 0;
+    while start + 1 < first_of_tile.len() {
+        let places = first_of_tile[start];
+        let end = first_of_tile.partition_point(|&first| first - places.min(first) <= most) - 1;
+        if end <= start {
+            return None;
+        }
+        batches.push(Batch { tiles: to_u32(start)..to_u32(end), places: places..first_of_tile[end] });
+        start = end;
+    }
+    Some(batches)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Batch, runs};
+
+    #[test]
+    fn runs_of_tiles_fit_and_leave_none_out() {
+        let first = [0, 3, 3, 7, 12, 12, 15];
+        let batch = |tiles, places| Batch { tiles, places };
+        assert_eq!(runs(&first, 100), Some(vec![batch(0..6, 0..15)]));
+        assert_eq!(runs(&first, 7), Some(vec![batch(0..3, 0..7), batch(3..5, 7..12), batch(5..6, 12..15)]));
+        assert_eq!(
+            runs(&first, 5),
+            Some(vec![batch(0..2, 0..3), batch(2..3, 3..7), batch(3..5, 7..12), batch(5..6, 12..15)])
+        );
+        assert_eq!(runs(&first, 4), None);
+    }
+}

@@ -1,0 +1,160 @@
+// Back-to-front gradients of the compositing, a tile by each group of 64 threads, eight pixels by each: few threads, because every sum over the
+// tile's pixels goes through memory that they share. Every intersection has a place of its own for its sums.
+
+struct Composite {
+    // Width, height, columns of tiles, tiles.
+    size: vec4<u32>,
+    // Colour behind all.
+    background: vec4<f32>,
+    // First tile, tiles and first place of this batch.
+    batch: vec4<u32>,
+}
+
+@group(0) @binding(0) var<uniform> drawing: Composite;
+@group(0) @binding(1) var<storage, read> footprints: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> lists: array<u32>; // first intersection of each tile, [tiles + 1]
+@group(0) @binding(3) var<storage, read> intersections: array<u32>;
+@group(0) @binding(4) var<storage, read> image: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> ends: array<vec2<f32>>;
+// [H, W, 4]: by the colours and the expected depth; by accumulated alpha and depth, and two maps.
+@group(0) @binding(6) var<storage, read> gradients: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> sums: array<f32>; // [places, SUMS]
+
+const PIXELS: u32 = TILE_WIDTH * TILE_HEIGHT / 64u;
+const ROWS: u32 = 64u / TILE_WIDTH;
+// Gaussians whose sums are taken together.
+const TOGETHER: u32 = 4u;
+// A column more than threads, so that those that sum read from different banks.
+const STRIDE: u32 = 65u;
+
+var<workgroup> held: array<vec4<f32>, 192>;
+var<workgroup> parts: array<f32, TOGETHER * SUMS * STRIDE>;
+var<workgroup> last: u32;
+
+@compute @workgroup_size(64)
+fn uncomposite(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let number = linear(group, groups);
+    let tile = drawing.batch.x + min(number, drawing.batch.y - 1u);
+    let corner = vec2<u32>(tile % drawing.size.z * TILE_WIDTH, tile / drawing.size.z * TILE_HEIGHT);
+    let column = local % TILE_WIDTH;
+    let top = local / TILE_WIDTH;
+    let x = f32(corner.x + column) + 0.5;
+    var v: array<vec4<f32>, PIXELS>;
+    var maps: array<vec2<f32>, PIXELS>;
+    var behind: array<f32, PIXELS>;
+    var transmittance: array<f32, PIXELS>;
+    var stop: array<f32, PIXELS>;
+    var farthest = 0.0;
+    for (var k = 0u; k < PIXELS; k += 1u) {
+        v[k] = vec4<f32>(0.0);
+        maps[k] = vec2<f32>(0.0);
+        behind[k] = 0.0;
+        transmittance[k] = 1.0;
+        stop[k] = 0.0;
+        let y = corner.y + top + k * ROWS;
+        if (corner.x + column < drawing.size.x && y < drawing.size.y) {
+            let pixel = y * drawing.size.x + corner.x + column;
+            let by_image = gradients[2u * pixel];
+            let by_rest = gradients[2u * pixel + 1u];
+            let t = ends[pixel].x;
+            let alpha = 1.0 - t;
+            var v_alpha = by_rest.x;
+            var v_depth = by_rest.y;
+            if (by_image.w != 0.0) {
+                v_depth += by_image.w / max(alpha, EXPECTED_DEPTH_EPS);
+                if (alpha > EXPECTED_DEPTH_EPS) {
+                    v_alpha -= by_image.w * (image[pixel].w / alpha / alpha);
+                }
+            }
+            v[k] = vec4<f32>(by_image.xyz, v_depth);
+            maps[k] = by_rest.zw;
+            behind[k] = t * (dot(drawing.background.xyz, by_image.xyz) - v_alpha);
+            transmittance[k] = t;
+            stop[k] = ends[pixel].y;
+            farthest = max(farthest, stop[k]);
+        }
+    }
+    parts[local] = farthest;
+    workgroupBarrier();
+    if (local == 0u) {
+        for (var i = 1u; i < 64u; i += 1u) {
+            farthest = max(farthest, parts[i]);
+        }
+        last = u32(min(farthest, 4294967040.0));
+    }
+    let bound = workgroupUniformLoad(&last);
+    let start = lists[tile];
+    let length = lists[tile + 1u] - start;
+    let used = min(length, bound);
+    // Behind the last Gaussian that any pixel shows there is nothing to sum.
+    for (var at = SUMS * used + local; at < SUMS * length; at += 64u) {
+        sums[(start - drawing.batch.z) * SUMS + at] = 0.0;
+    }
+    for (var rest = used; rest > 0u; rest -= min(rest, 64u)) {
+        let count = min(rest, 64u);
+        let base = rest - count;
+        if (local < count) {
+            let i = intersections[start + base + local];
+            held[3u * local] = footprints[4u * i];
+            held[3u * local + 1u] = footprints[4u * i + 1u];
+            held[3u * local + 2u] = footprints[4u * i + 2u];
+        }
+        workgroupBarrier();
+        for (var done = 0u; done < count; done += TOGETHER) {
+            let some = min(TOGETHER, count - done);
+            for (var g = 0u; g < some; g += 1u) {
+                let j = count - 1u - done - g;
+                let first = held[3u * j];
+                let second = held[3u * j + 1u];
+                let third = held[3u * j + 2u];
+                let position = f32(base + j);
+                var s0 = vec4<f32>(0.0);
+                var s1 = vec4<f32>(0.0);
+                var s2 = vec4<f32>(0.0);
+                for (var k = 0u; k < PIXELS; k += 1u) {
+                    let dy = f32(corner.y + top + k * ROWS) + 0.5 - first.y;
+                    if (abs(dy) > second.w || !(position < stop[k])) {
+                        continue;
+                    }
+                    let u = (x - first.x) - first.z * dy;
+                    let uncapped = exp2(first.w * u * u + (second.y + second.x * dy * dy));
+                    let alpha = min(ALPHA_MAX, uncapped);
+                    if (alpha >= ALPHA_MIN) {
+                        let inverse = 1.0 / (1.0 - alpha);
+                        let t = transmittance[k] * inverse;
+                        let w = alpha * t;
+                        let q = dot(third.xyz, v[k].xyz) + second.z * v[k].w;
+                        let v_alpha = t * q - behind[k] * inverse;
+                        behind[k] += w * q;
+                        transmittance[k] = t;
+                        let g = select(alpha * v_alpha, 0.0, uncapped > ALPHA_MAX);
+                        let gu = g * u;
+                        s0 += vec4<f32>(g, g * dy, g * dy * dy, gu);
+                        s1 += vec4<f32>(gu * dy, gu * u, w * v[k].x, w * v[k].y);
+                        s2 += vec4<f32>(w * v[k].z, w * v[k].w, w * maps[k]);
+                    }
+                }
+                for (var k = 0u; k < 4u; k += 1u) {
+                    parts[(g * SUMS + k) * STRIDE + local] = s0[k];
+                    parts[(g * SUMS + 4u + k) * STRIDE + local] = s1[k];
+                    parts[(g * SUMS + 8u + k) * STRIDE + local] = s2[k];
+                }
+            }
+            workgroupBarrier();
+            if (local < some * SUMS) {
+                var sum = vec4<f32>(0.0);
+                for (var i = 0u; i < 64u; i += 4u) {
+                    let at = local * STRIDE + i;
+                    sum += vec4<f32>(parts[at], parts[at + 1u], parts[at + 2u], parts[at + 3u]);
+                }
+                let place = start + base + count - 1u - done - local / SUMS - drawing.batch.z;
+                sums[place * SUMS + local % SUMS] = (sum.x + sum.y) + (sum.z + sum.w);
+            }
+            workgroupBarrier();
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Prefix sums, and the stable radix sort by keys of so many bits.
+
+use wgpu::Buffer;
+
+use super::device::GpuError;
+use super::kernels::Kernel;
+use super::work::Work;
+
+const SCAN_BLOCKS: Kernel = Kernel::new("scan_blocks", &[include_str!("scan.wgsl")]);
+const SCAN_ADD: Kernel = Kernel::new("scan_add", &[include_str!("scan.wgsl")]);
+const SORT_COUNT: Kernel = Kernel::new("sort_count", &[include_str!("sort.wgsl")]);
+const SORT_SCATTER: Kernel = Kernel::new("sort_scatter", &[include_str!("sort.wgsl")]);
+
+/// Elements of a block.
+const BLOCK: u32 = 1024;
+/// Bits of a digit, and digits.
+const DIGIT_BITS: u32 = 4;
+const DIGITS: u32 = 1 << DIGIT_BITS;
+/// Names of the sums of blocks, of blocks of blocks and so on: 1024^4 values are more than 2^32.
+const LEVELS: [&str; 4] = ["sums of blocks 1", "sums of blocks 2", "sums of blocks 3", "sums of blocks 4"];
+
+/// Keys with their payloads.
+#[derive(Clone, Debug)]
+pub(super) struct Sorted {
+    pub(super) keys: Buffer,
+    pub(super) payloads: Buffer,
+}
+
+/// Makes the first `len` values the sums of those before each.
+///
+/// # Errors
+/// As [`Work::buffer`].
+pub(super) fn scan(work: &mut Work<'_>, values: &Buffer, len: u32) -> Result<(), GpuError> {
+    scan_level(work, values, len, 0)
+}
+
+fn scan_level(work: &mut Work<'_>, values: &Buffer, len: u32, level: usize) -> Result<(), GpuError> {
+    let blocks = len.div_ceil(BLOCK);
+    let sums = work.buffer::<u32>(LEVELS[level], blocks as usize)?;
+    let size = work.uniform(&[len, blocks, 0, 0]);
+    work.run(&SCAN_BLOCKS, &[(0, &size), (1, values), (2, &sums)], blocks);
+    if blocks > 1 {
+        scan_level(work, &sums, blocks, level + 1)?;
+        work.run(&SCAN_ADD, &[(0, &size), (1, values), (2, &sums)], blocks);
+    }
+    Ok(())
+}
+
+/// The first `len` keys and payloads, ascending by the lowest `bits` of the keys; equal ones keep their order. `spare` is overwritten.
+///
+/// # Errors
+/// As [`Work::buffer`].
+pub(super) fn sort(
+    work: &mut Work<'_>,
+    mut from: Sorted,
+    mut spare: Sorted,
+    len: u32,
+    bits: u32,
+) -> Result<Sorted, GpuError> {
+    let blocks = len.div_ceil(BLOCK);
+    let digits = work.buffer::<u32>("digits", (DIGITS * blocks) as usize)?;
+    for shift in (0..bits).step_by(DIGIT_BITS as usize) {
+        let size = work.uniform(&[len, blocks, shift, 0]);
+        work.run(&SORT_COUNT, &[(0, &size), (1, &from.keys), (2, &digits)], blocks);
+        scan(work, &digits, DIGITS * blocks)?;
+        let bindings =
+            [(0, &size), (1, &from.keys), (2, &digits), (3, &from.payloads), (4, &spare.keys), (5, &spare.payloads)];
+        work.run(&SORT_SCATTER, &bindings, blocks);
+        std::mem::swap(&mut from, &mut spare);
+    }
+    Ok(from)
+}

@@ -1,0 +1,221 @@
+//! Work on a GPU: buffers that are kept, kernels that are built once, dispatches, and what is read back.
+
+use std::sync::{MutexGuard, PoisonError, mpsc};
+
+use bytemuck::{AnyBitPattern, NoUninit};
+use wgpu::{Buffer, BufferUsages, ComputePipeline};
+
+use super::device::{Gpu, GpuError};
+use super::kernels::Kernel;
+use super::room::Room;
+
+/// Groups in one dimension, at most.
+const MOST_GROUPS: u32 = 65_535;
+/// Invocations of a group that goes over a list.
+const GROUP: u32 = 256;
+
+/// Work on a GPU, which nobody else does meanwhile.
+pub(crate) struct Work<'a> {
+    gpu: &'a Gpu,
+    room: MutexGuard<'a, Room>,
+    encoder: Option<wgpu::CommandEncoder>,
+}
+
+/// Groups that go over so many elements.
+pub(crate) const fn groups_over(elements: u32) -> u32 {
+    elements.div_ceil(GROUP)
+}
+
+impl Gpu {
+    /// Begins work; waits for whoever works on it.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] once it has stopped.
+    pub(crate) fn work(&self) -> Result<Work<'_>, GpuError> {
+        self.check()?;
+        Ok(Work { gpu: self, room: self.room.lock().unwrap_or_else(PoisonError::into_inner), encoder: None })
+    }
+}
+
+impl Work<'_> {
+    /// Bytes that a buffer may have.
+    pub(crate) const fn most_bytes(&self) -> u64 {
+        self.gpu.most_bytes
+    }
+
+    /// The buffer of a name, with room for `len` elements of `T`; what it holds is undefined.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] where the GPU has no buffer so large.
+    pub(crate) fn buffer<T>(&mut self, name: &'static str, len: usize) -> Result<Buffer, GpuError> {
+        let need = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64).next_multiple_of(16);
+        let limit = self.gpu.most_bytes;
+        if need > limit {
+            return Err(GpuError::TooLarge { what: name, need, limit });
+        }
+        if let Some(buffer) = self.room.buffers.get(name).filter(|buffer| buffer.size() >= need) {
+            return Ok(buffer.clone());
+        }
+        // Some more than asked for, so that a view that shows a little more needs no new one.
+        let size = (need + need / 8).next_multiple_of(16).min(limit / 16 * 16);
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(name),
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
+        self.gpu.check()?;
+        self.room.buffers.insert(name, buffer.clone());
+        Ok(buffer)
+    }
+
+    /// The buffer of a name, with these elements; zeros follow where it is longer.
+    ///
+    /// # Errors
+    /// As [`Work::buffer`].
+    pub(crate) fn upload<T: NoUninit>(&mut self, name: &'static str, values: &[T]) -> Result<Buffer, GpuError> {
+        let buffer = self.buffer::<T>(name, values.len())?;
+        // Writes go before all commands that are not submitted yet.
+        self.submit();
+        self.gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+        Ok(buffer)
+    }
+
+    /// Sets the first `len` elements of a buffer to zero.
+    pub(crate) fn clear<T>(&mut self, buffer: &Buffer, len: usize) {
+        let bytes = (len as u64 * size_of::<T>() as u64).next_multiple_of(4);
+        self.encoder().clear_buffer(buffer, 0, Some(bytes));
+    }
+
+    /// A small buffer of what a kernel is told.
+    pub(crate) fn uniform<T: NoUninit>(&self, value: &T) -> Buffer {
+        let bytes = bytemuck::bytes_of(value);
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("uniform"),
+            size: bytes.len() as u64,
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.gpu.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        let device = &self.gpu.device;
+        self.encoder.get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()))
+    }
+
+    fn submit(&mut self) {
+        if let Some(encoder) = self.encoder.take() {
+            self.gpu.queue.submit([encoder.finish()]);
+        }
+    }
+
+    /// Runs a kernel of so many groups on buffers by their binding; nothing where there are no groups.
+    pub(crate) fn run(&mut self, kernel: &Kernel, bindings: &[(u32, &Buffer)], groups: u32) {
+        if groups == 0 {
+            return;
+        }
+        let y = groups.div_ceil(MOST_GROUPS);
+        self.run_over(kernel, bindings, [groups.div_ceil(y), y, 1]);
+    }
+
+    /// Runs a kernel over a grid of groups.
+    pub(crate) fn run_over(&mut self, kernel: &Kernel, bindings: &[(u32, &Buffer)], groups: [u32; 3]) {
+        let device = &self.gpu.device;
+        let pipeline = self.room.pipelines.entry(kernel.name).or_insert_with(|| built(device, kernel)).clone();
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
+            .iter()
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.name),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes: None };
+        let mut pass = self.encoder().begin_compute_pass(&descriptor);
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+
+    /// `len` elements of a buffer from `first` on, once all work before is done.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`] where that work failed.
+    pub(crate) fn read<T: AnyBitPattern + NoUninit>(
+        &mut self,
+        buffer: &Buffer,
+        first: usize,
+        len: usize,
+    ) -> Result<Vec<T>, GpuError> {
+        self.read_pieces(&[(buffer, first)], len)
+    }
+
+    /// `len` elements of each of some buffers from a first one on, one after the other, once all work before is done.
+    ///
+    /// # Errors
+    /// As [`Work::read`].
+    pub(crate) fn read_pieces<T: AnyBitPattern + NoUninit>(
+        &mut self,
+        pieces: &[(&Buffer, usize)],
+        len: usize,
+    ) -> Result<Vec<T>, GpuError> {
+        let bytes = |count: usize| count as u64 * size_of::<T>() as u64;
+        let all = len * pieces.len();
+        if all == 0 {
+            return Ok(Vec::new());
+        }
+        let copy = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: bytes(all),
+            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        for (number, (buffer, first)) in pieces.iter().enumerate() {
+            self.encoder().copy_buffer_to_buffer(buffer, bytes(*first), &copy, bytes(number * len), bytes(len));
+        }
+        self.submit();
+        let mut values = vec![T::zeroed(); all];
+        self.map(&copy, bytemuck::cast_slice_mut(&mut values))?;
+        Ok(values)
+    }
+
+    /// Waits for a buffer, and copies what it holds.
+    fn map(&self, copy: &Buffer, to: &mut [u8]) -> Result<(), GpuError> {
+        let (told, asked) = mpsc::channel();
+        copy.map_async(wgpu::MapMode::Read, .., move |result| {
+            // Nobody waits any more once the work has failed.
+            let _ = told.send(result);
+        });
+        let polled = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
+        self.gpu.check()?;
+        let lost = GpuError::Lost;
+        polled.map_err(|error| lost(error.to_string()))?;
+        let mapped = asked.recv().map_err(|error| lost(error.to_string()))?;
+        mapped.map_err(|error| lost(error.to_string()))?;
+        let view = copy.get_mapped_range(..).map_err(|error| lost(error.to_string()))?;
+        to.copy_from_slice(&view);
+        Ok(())
+    }
+}
+
+fn built(device: &wgpu::Device, kernel: &Kernel) -> ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(kernel.name),
+        source: wgpu::ShaderSource::Wgsl(kernel.text().into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(kernel.name),
+        layout: None,
+        module: &module,
+        entry_point: Some(kernel.name),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..wgpu::PipelineCompilationOptions::default()
+        },
+        cache: None,
+    })
+}
