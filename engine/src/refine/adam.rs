@@ -125,7 +125,7 @@ impl Adam {
     }
 
     /// What was done.
-    pub(crate) fn into_summary(self) -> AdamSummary {
+    pub fn into_summary(self) -> AdamSummary {
         self.summary
     }
 }
