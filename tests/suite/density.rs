@@ -142,7 +142,7 @@ fn front() -> Outcome {
     let place = tempfile::tempdir()?;
     let flags = |limit| ["--density", "exact", "--max-gaussians", limit];
     let want = [infer(place.path(), "half", &flags("50%"))?, infer(place.path(), "all", &flags("100%"))?];
-    let clip = format!("{};image-size=48x80;frames=3;hold-out=1", clips::street().display());
+    let clip = format!("{};image-size=48x80;frames=4;hold-out=1", clips::street().display());
     let sweep = |more: &[&str]| {
         let mut arguments = vec!["density", &clip, "--weights", "w.safetensors", "--out", "front", "--adam", "1"];
         arguments.extend(["--percents", "50", "--refine-steps", "0"].iter().chain(more));

@@ -7,7 +7,7 @@ use lgs_formats::image::ImageSize;
 use lgs_measure::scaling::plan::Plan;
 
 /// Flags of the sweep that decide what `--scaling` fixes.
-const OTHERS: [&str; 22] = [
+const OTHERS: [&str; 23] = [
     "clips",
     "refine-steps",
     "query",
@@ -24,6 +24,7 @@ const OTHERS: [&str; 22] = [
     "refine-views",
     "refine-reduce",
     "line-search",
+    "device",
     "budgets",
     "hold_out",
     "image_size",
