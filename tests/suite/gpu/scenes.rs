@@ -12,10 +12,10 @@ use lgs_tests::scenes::{
     GRADIENT_PARTS, Look, flat_gradient, gradients_of, image_gradient, images_of, pinhole, random_scene,
     random_weights, splats,
 };
-use proptest::prelude::{Just, Strategy, any, prop_oneof};
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 
 use super::{Case, adapter};
+use crate::render::fast::{ahead, any_float, splat};
 
 pub(super) const CASES: &[Case] = &[
     ("equals_the_twin", equals_the_twin),
@@ -209,23 +209,6 @@ fn a_lost_gpu_leaves_the_work_to_the_cpu() -> Outcome {
 }
 
 /// Floats as they come from a broken file or an exploded network.
-fn any_float() -> impl Strategy<Value = f32> {
-    prop_oneof![
-        4 => -3.0_f32..3.0,
-        1 => any::<f32>(),
-        1 => prop_oneof![
-            Just(f32::NAN),
-            Just(f32::INFINITY),
-            Just(f32::NEG_INFINITY),
-            Just(0.0_f32),
-            Just(f32::MAX),
-            Just(f32::MIN_POSITIVE),
-            Just(1e-45_f32),
-            Just(1e19_f32),
-        ],
-    ]
-}
-
 /// A Gaussian with a number that is not finite neither shows nor spoils the others, and images are finite.
 fn survives_any_floats() -> Outcome {
     let strategy = proptest::collection::vec(proptest::collection::vec(any_float(), 18), 1..6);
@@ -257,30 +240,4 @@ fn survives_any_floats() -> Outcome {
 
 fn ones() -> ImageGradient {
     ImageGradient { rgb: vec![1.0; 3 * 40 * 24], alpha: vec![1.0; 40 * 24], ..ImageGradient::default() }
-}
-
-fn splat(row: &[f32]) -> Splat {
-    Splat {
-        mean: [row[0], row[1], row[2] + 2.0],
-        quat: std::array::from_fn(|k| row[3 + k]),
-        scale: std::array::from_fn(|k| row[7 + k].abs()),
-        opacity: if row[10].is_finite() { row[10].abs().min(1.0) } else { row[10] },
-        colour: std::array::from_fn(|k| row[11 + k]),
-        velocity: std::array::from_fn(|k| row[14 + k]),
-        time: row[17],
-    }
-}
-
-fn ahead() -> PinholeView {
-    PinholeView {
-        width: 40,
-        height: 24,
-        fx: 30.0,
-        fy: 30.0,
-        cx: 20.0,
-        cy: 12.0,
-        camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        time: 0.5,
-        shutter: None,
-    }
 }

@@ -109,7 +109,8 @@ fn same_bits_for_any_number_of_threads() -> Outcome {
 }
 
 /// Floats as they come from a broken file or an exploded network.
-fn any_float() -> impl Strategy<Value = f32> {
+/// Numbers of any size, and what is none.
+pub(crate) fn any_float() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => -3.0_f32..3.0,
         1 => any::<f32>(),
@@ -164,7 +165,8 @@ fn images_and_gradients(splats: &[Splat]) -> (Vec<f32>, Vec<[f64; 17]>) {
     ([&state.images.rgb[..], &state.images.alpha, &state.images.depth].concat(), gradients)
 }
 
-fn splat(row: &[f32]) -> Splat {
+/// A Gaussian of 18 numbers, before the camera [`ahead`].
+pub(crate) fn splat(row: &[f32]) -> Splat {
     Splat {
         mean: [row[0], row[1], row[2] + 2.0],
         quat: std::array::from_fn(|k| row[3 + k]),
@@ -176,7 +178,8 @@ fn splat(row: &[f32]) -> Splat {
     }
 }
 
-fn ahead() -> PinholeView {
+/// A small camera that looks along z.
+pub(crate) fn ahead() -> PinholeView {
     PinholeView {
         width: 40,
         height: 24,

@@ -2,7 +2,7 @@
 
 mod chain_rule;
 mod differences;
-mod fast;
+pub(crate) mod fast;
 mod motion;
 mod renderer;
 mod rolling;
