@@ -1,6 +1,7 @@
 //! Which share of a job this process does.
 
 use std::path::Path;
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,18 @@ pub struct Part {
     pub index: usize,
     /// How many shares there are.
     pub count: usize,
+}
+
+impl FromStr for Part {
+    type Err = String;
+
+    /// `I/N`, I from 1 to N.
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
+        let part = numbers.map(|(index, count)| Self { index, count });
+        part.filter(|part| (1..=part.count).contains(&part.index))
+            .ok_or_else(|| format!("expected I/N with I from 1 to N, found {text:?}"))
+    }
 }
 
 /// File name of a part's manifest.

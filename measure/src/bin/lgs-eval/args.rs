@@ -112,7 +112,7 @@ pub(crate) struct JobArgs {
 
     /// Do the I-th of N equal shares of the snippets [default: the share that a Slurm array task or a Kubernetes indexed job is told by
     /// its environment, else all snippets]
-    #[arg(long, value_name = "I/N", value_parser = part)]
+    #[arg(long, value_name = "I/N")]
     pub(crate) part: Option<Part>,
 
     /// Go on where an earlier run of the same job into the same folder ended
@@ -210,13 +210,6 @@ impl OwnArgs {
     pub(crate) fn most(&self) -> Option<usize> {
         self.max_snippets.map(size)
     }
-}
-
-fn part(text: &str) -> Result<Part, String> {
-    let numbers = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-    let part = numbers.map(|(index, count)| Part { index, count });
-    part.filter(|part| (1..=part.count).contains(&part.index))
-        .ok_or_else(|| format!("expected I/N with I from 1 to N, found {text:?}"))
 }
 
 #[cfg(test)]

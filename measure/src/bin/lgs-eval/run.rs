@@ -53,6 +53,7 @@ fn evaluate(args: &JobArgs) -> Result<Outcome> {
     let share = choose_part(out, args.part, &|name| std::env::var(name).ok())?;
     let model = args.weights.load(args.seed)?;
     let recipes = recipes(args, model.as_ref())?;
+    recipes.iter().try_for_each(|named| named.recipe.device.check())?;
     let lpips = args.lpips_weights.as_deref().map(lpips).transpose()?;
     let model = model.filter(|_| recipes.iter().any(|named| named.recipe.network));
     let job = EvaluationJob {

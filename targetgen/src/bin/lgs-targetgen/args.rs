@@ -75,7 +75,7 @@ pub(crate) struct JobArgs {
 
     /// Do the I-th of N equal shares of the clips [default: the share that a Slurm array task or a Kubernetes indexed job is
     /// told by its environment, else all clips]
-    #[arg(long, value_name = "I/N", value_parser = part)]
+    #[arg(long, value_name = "I/N")]
     pub(crate) part: Option<Part>,
 
     /// Most data of a shard, 10^6 bytes; a larger clip stands alone. The report at the end holds one shard in memory
@@ -231,13 +231,6 @@ impl SceneArgs {
 /// The value of a setting by the word that manifests have for it.
 fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     serde_json::from_value(text.into()).map_err(|error| error.to_string())
-}
-
-fn part(text: &str) -> Result<Part, String> {
-    let numbers = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-    let part = numbers.map(|(index, count)| Part { index, count });
-    part.filter(|part| (1..=part.count).contains(&part.index))
-        .ok_or_else(|| format!("expected I/N with I from 1 to N, found {text:?}"))
 }
 
 fn number(text: &str, fits: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
