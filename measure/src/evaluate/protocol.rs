@@ -178,8 +178,11 @@ impl Windows {
 
 fn around_targets(num_frames: usize, every: usize, count: usize) -> Vec<Snippet> {
     let is_target = |frame: usize| (frame + 1).is_multiple_of(every);
+    // Of two successive frames one is no target at least: the nearest ones stand within twice their number.
+    let reach = 2 * count;
     let of_target = |target: usize| {
-        let mut others: Vec<usize> = (0..num_frames).filter(|&frame| !is_target(frame)).collect();
+        let near = target.saturating_sub(reach)..num_frames.min(target + reach + 1);
+        let mut others: Vec<usize> = near.filter(|&frame| !is_target(frame)).collect();
         others.sort_by_key(|&frame| (frame.abs_diff(target), frame));
         others.truncate(count);
         others.sort_unstable();
