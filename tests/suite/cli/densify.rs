@@ -196,6 +196,8 @@ fn refused() -> Outcome {
     expect(share.page["config"]["max_gaussians"] == "40%", "as it was asked for", &share)?;
     let off = place.finish("out", &["--max-gaussians", "5", "--density", "off"])?;
     off.expect_refusal(&["--max-gaussians", "--density off"])?;
+    let scored = place.finish("out", &["--density", "exact", "--theta-prune", "0.5"])?;
+    scored.expect_refusal(&["--theta-prune", "--density policy"])?;
     fs::write(place.0.path().join("plain.json"), without_policy()?)?;
     let street = clips::street();
     let run_with = |weights: &str| {

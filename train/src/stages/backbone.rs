@@ -93,7 +93,9 @@ pub fn compute(
     let start = &sample.scene;
     let outcomes = outcomes(|branch| passes.initial(start, branch))?;
     let updated = updated(start, &outcomes)?;
-    let perturbed = match pruned_to(settings, &mut sample.dice) {
+    // What is not finite has to be seen in the loss, so that the step changes nothing.
+    let limit = pruned_to(settings, &mut sample.dice).filter(|_| updated.check_finite().is_ok());
+    let perturbed = match limit {
         Some(limit) => Perturbed::pruned(&updated, &inputs, limit),
         None => {
             let actions = match policy {
