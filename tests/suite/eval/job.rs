@@ -284,7 +284,6 @@ fn refusals() -> Outcome {
     refused(&[own.as_slice(), &["--sweep-presets", "--refine-steps", "2"]].concat(), &["--refine-steps"])?;
     refused(&[own.as_slice(), &["--weights", "none", "--density", "exact"]].concat(), &["--density exact"])?;
     refused(&[own.as_slice(), &["--lpips-weights", "no_such"]].concat(), &["no_such"])?;
-    refused(&[own.as_slice(), &["--device", "gpu:99"]].concat(), &["--device", "99"])?;
     refused(&["--protocol", "own", &place.path().display().to_string()], &["DRIVES"])?;
     eval(place.path(), &["merge", "nowhere"])?.expect_refusal(&["nowhere"])?;
     fs::write(place.path().join("out"), "a file")?;

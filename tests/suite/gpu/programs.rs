@@ -55,8 +55,18 @@ fn devices_are_listed() -> Outcome {
 }
 
 fn a_gpu_that_is_not_there_is_refused() -> Outcome {
-    let clip = clips::street().into_os_string();
-    let finished = run(&binary("lgs-infer")?, &[clip, "--device".into(), "gpu:99".into()], places::repository())?;
-    // Mesa may say before that it found no screen.
-    finished.expect_one_line_at_the_end(&["--device", "a GPU of number 99"])
+    let (clip, place) = (clips::street().into_os_string(), tempfile::tempdir()?);
+    for (program, flags) in [
+        ("lgs-infer", "--out out --device gpu:99"),
+        ("lgs-eval", "--protocol own --snippet-frames 3 --out out --device gpu:99"),
+    ] {
+        let arguments: Vec<_> = [clip.clone()].into_iter().chain(flags.split(' ').map(Into::into)).collect();
+        let finished = run(&binary(program)?, &arguments, place.path())?;
+        // Mesa may say before that it found no screen.
+        finished.expect_one_line_at_the_end(&["--device", "a GPU of number 99"])?;
+        if place.path().join("out").exists() {
+            return Err(format!("{program} began its output").into());
+        }
+    }
+    Ok(())
 }
