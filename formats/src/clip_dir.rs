@@ -9,7 +9,7 @@ use std::{
 use glam::DVec3;
 
 use crate::{
-    camera::Distortion,
+    camera::{Distortion, Readout},
     clip::{CameraRecord, Clip, LidarRecord, ReturnsRecord},
     clip_json,
     error::{FormatError, Result},
@@ -149,6 +149,17 @@ impl ClipDir {
                     let turn = Pose::new(lens.fisheye_from_pinhole, DVec3::ZERO);
                     lens.world_from_fisheye = own.world_from_camera * turn.inverse();
                 }
+            }
+        }
+        self
+    }
+
+    /// The same clip, images of a camera exposed at other moments than its timestamps.
+    #[must_use]
+    pub fn with_readout(mut self, camera: &str, readout: Readout) -> Self {
+        for record in self.clip.frames.iter_mut().flat_map(|frame| &mut frame.cameras) {
+            if record.camera.name == camera {
+                record.camera.readout = Some(readout);
             }
         }
         self

@@ -28,7 +28,7 @@ const TOP: [&str; 14] = [
     "mean",
 ];
 /// What only some clips have: findings about them.
-const FINDINGS: [&str; 5] = ["lidar_turn", "lenses", "mounts", "photometry", "dropped_returns"];
+const FINDINGS: [&str; 6] = ["lidar_turn", "lenses", "calibration", "mounts", "photometry", "dropped_returns"];
 /// What a network adds.
 const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
 const REFINE: [&str; 7] =

@@ -1,4 +1,4 @@
-//! How cameras have to be turned and moved for the returns that two of them show to look alike.
+//! How cameras have to be turned, moved and timed for the returns that two images show to look alike.
 //!
 //! Direct alignment: no features are matched, the images themselves are the measurement. What is compared is the logarithm of brightness
 //! between two scales, which knows neither exposure nor vignetting, and little of tone.
@@ -6,11 +6,20 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use super::correlation;
 use crate::{cholesky::cholesky, views::View};
 
-/// What one camera is turned about its own axes (radians, first) and moved along them (metres).
-pub(super) type Change = [f64; 6];
+/// Numbers of a change.
+pub(super) const NUM: usize = 9;
+/// What one camera is turned about its own axes (radians, three numbers) and moved along them (metres, three), and when its images are exposed
+/// (seconds after the stated moment): the middle, how much later the right edge is than the left one, and the lower one than the upper one.
+pub(super) type Change = [f64; NUM];
+/// Which numbers of a change are looked for.
+pub(super) type Free = [bool; NUM];
+
+/// Turn and shift.
+pub(super) const MOUNT: Free = [true, true, true, true, true, true, false, false, false];
+/// None.
+pub(super) const FIXED: Free = [false; NUM];
 
 /// Which returns of two that are beside one another a step looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,21 +29,32 @@ pub(super) enum Fold {
     All,
 }
 
-/// A return that images of two cameras show.
+/// A return that two images show.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {
     /// Index of the return in the cloud.
     pub(super) point: usize,
-    /// Indices of the views.
-    pub(super) views: [usize; 2],
-    /// Of their cameras.
-    pub(super) cameras: [usize; 2],
-    /// Where the return is in the axes of each at the moment at which it is exposed, metres.
-    pub(super) places: [[f32; 3]; 2],
+    /// How either shows it.
+    pub(super) seen: [Seen; 2],
 }
 
-/// How far cameras are thought to be from where they are stated, standard deviations: radians, metres.
-pub(super) const BELIEF: [f64; 2] = [0.01, 0.03];
+/// How an image shows a return.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// Index of the view.
+    pub(super) view: usize,
+    /// Of its camera.
+    pub(super) camera: usize,
+    /// Where the return is in the camera's axes at the moment at which it is exposed, metres.
+    pub(super) place: [f32; 3],
+    /// How it moves there because the camera does, metres a second.
+    pub(super) rate: [f32; 3],
+}
+
+/// How far cameras are thought to be from where they are stated, standard deviations: radians, metres, seconds of the middle and of a readout.
+pub(super) const BELIEF: [f64; NUM] = [0.01, 0.01, 0.01, 0.03, 0.03, 0.03, 0.04, 0.15, 0.15];
+/// Places of an image at which its moments are followed: this far from its middle, shares of its size.
+const FOLLOWED: f64 = 0.7;
 /// Pairs beside one another share their errors: so many say as much as one.
 const ALIKE: f64 = 30.0;
 /// Returns of one run of a scan are in one fold.
@@ -86,11 +106,18 @@ impl Detail {
         }
     }
 
-    /// What a camera that was changed shows of a place in its stated axes, and the derivatives by the change.
+    /// What a camera that was changed shows of a return, and the derivatives by the change.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the image")]
-    fn at(&self, place: [f32; 3], change: &Change) -> Option<(f64, Change)> {
+    fn at(&self, seen: &Seen, change: &Change) -> Option<(f64, Change)> {
         let [turn, shift] = [0, 3].map(|k| DVec3::new(change[k], change[k + 1], change[k + 2]));
-        let p = DQuat::from_scaled_axis(-turn) * (DVec3::from(place.map(f64::from)) - shift);
+        let [place, rate] = [seen.place, seen.rate].map(|vector| DVec3::from(vector.map(f64::from)));
+        let share = |k: usize, size: usize| {
+            let at = (self.focal[k] * place[k] / place.z + self.centre[k]) / size as f64;
+            (at - 0.5).clamp(-FOLLOWED, FOLLOWED)
+        };
+        let (across, down) = (share(0, self.width), share(1, self.height));
+        let later = change[6] + across * change[7] + down * change[8];
+        let p = DQuat::from_scaled_axis(-turn) * (place + later * rate - shift);
         let (x, y) = (p.x / p.z, p.y / p.z);
         let [u, v] = [self.focal[0] * x + self.centre[0] - 0.5, self.focal[1] * y + self.centre[1] - 0.5];
         let inside = u >= 1.0 && v >= 1.0 && u < self.width as f64 - 2.0 && v < self.height as f64 - 2.0;
@@ -112,7 +139,10 @@ impl Detail {
         let near = 1.0 / p.z;
         let moves =
             [[0.0, 1.0, -y], [-1.0, 0.0, x], [y, -x, 0.0], [-near, 0.0, 0.0], [0.0, -near, 0.0], [0.0, 0.0, -near]];
-        Some((value(corner), moves.map(|[dx, dy, dz]| slope[0] * (dx - x * dz) + slope[1] * (dy - y * dz))))
+        let by = |[dx, dy, dz]: [f64; 3]| slope[0] * (dx - x * dz) + slope[1] * (dy - y * dz);
+        let [a, b, c, d, e, f] = moves.map(by);
+        let by_time = by((near * rate).to_array());
+        Some((value(corner), [a, b, c, d, e, f, by_time, across * by_time, down * by_time]))
     }
 }
 
@@ -141,12 +171,12 @@ fn blurred(plane: &[f32], width: usize, sigma: f32) -> Vec<f32> {
     result
 }
 
-/// Changes of the cameras, `rounds` steps of Gauss and Newton nearer to where pairs look alike; only those of `free` cameras change.
+/// Changes of the cameras, `rounds` steps of Gauss and Newton nearer to where pairs look alike; only the numbers that are free change.
 pub(super) fn align(
     pairs: &[Pair],
     details: &[Detail],
     start: &[Change],
-    free: &[bool],
+    free: &[Free],
     fold: Fold,
     rounds: usize,
 ) -> Vec<Change> {
@@ -158,15 +188,25 @@ pub(super) fn align(
     changes
 }
 
-/// One term of the sum of squares: what two cameras differ by, and the derivatives by the change of either.
+/// One term of the sum of squares: what two images differ by, and the derivatives by the change of either camera.
 type Term = (f64, [usize; 2], [Change; 2]);
 
-fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[bool]) {
-    let n = 6 * changes.len();
+fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[Free]) {
+    // Camera and number of each unknown, and the unknowns of each camera.
+    let unknowns: Vec<[usize; 2]> =
+        (0..free.len()).flat_map(|c| (0..NUM).map(move |k| [c, k])).filter(|&[c, k]| free[c][k]).collect();
+    let n = unknowns.len();
+    let columns: Vec<Vec<[usize; 2]>> = (0..free.len())
+        .map(|camera| (0..n).filter(|&i| unknowns[i][0] == camera).map(|i| [i, unknowns[i][1]]).collect())
+        .collect();
     let term = |pair: &&Pair| -> Option<Term> {
-        let seen = |k: usize| details[pair.views[k]].at(pair.places[k], &changes[pair.cameras[k]]);
+        let seen = |k: usize| details[pair.seen[k].view].at(&pair.seen[k], &changes[pair.seen[k].camera]);
         let ((first, by_first), (second, by_second)) = (seen(0)?, seen(1)?);
-        Some((first - second, pair.cameras, [by_first, by_second.map(|d| -d)]))
+        let [a, b] = pair.seen.map(|seen| seen.camera);
+        let by_second = by_second.map(|d| -d);
+        // Of two images of one camera the first one's place is for both.
+        let by_first = if a == b { std::array::from_fn(|k| by_first[k] + by_second[k]) } else { by_first };
+        Some((first - second, [a, b], [by_first, by_second]))
     };
     let terms: Vec<Term> = pairs.par_iter().filter_map(term).collect();
     let mut errors: Vec<f64> = terms.iter().map(|(error, ..)| error.abs()).collect();
@@ -176,12 +216,14 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[boo
         let (mut system, mut right) = (vec![0.0; n * n], vec![0.0; n]);
         for (error, cameras, derivatives) in block {
             let weight = (1.0 + (error / scale).powi(2)).powi(-2);
+            let num_cameras = if cameras[0] == cameras[1] { 1 } else { 2 };
+            let (cameras, derivatives) = (&cameras[..num_cameras], &derivatives[..num_cameras]);
             for (&a, by_a) in cameras.iter().zip(derivatives) {
-                for (i, x) in by_a.iter().enumerate() {
-                    right[6 * a + i] -= weight * x * error;
+                for &[i, k] in &columns[a] {
+                    let x = by_a[k];
+                    right[i] -= weight * x * error;
                     for (&b, by_b) in cameras.iter().zip(derivatives) {
-                        let row = (6 * a + i) * n + 6 * b;
-                        system[row..row + 6].iter_mut().zip(by_b).for_each(|(sum, y)| *sum += weight * x * y);
+                        columns[b].iter().for_each(|&[j, l]| system[i * n + j] += weight * x * by_b[l]);
                     }
                 }
             }
@@ -194,32 +236,22 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[boo
         system.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
         right.iter_mut().zip(rest).for_each(|(sum, x)| *sum += x);
     }
-    for i in 0..n {
-        let weight = ALIKE * (scale / BELIEF[i % 6 / 3]).powi(2);
+    for (i, &[camera, k]) in unknowns.iter().enumerate() {
+        let weight = ALIKE * (scale / BELIEF[k]).powi(2);
         system[i * n + i] += weight;
-        right[i] -= weight * changes[i / 6][i % 6];
-        if !free[i / 6] {
-            (0..n).for_each(|j| (system[i * n + j], system[j * n + i]) = (0.0, 0.0));
-            (system[i * n + i], right[i]) = (1.0, 0.0);
-        }
+        right[i] -= weight * changes[camera][k];
     }
     cholesky(&mut system, &mut right);
-    changes.iter_mut().flatten().zip(right).for_each(|(value, change)| *value += change);
+    for (&[camera, k], change) in unknowns.iter().zip(right) {
+        changes[camera][k] += change;
+    }
 }
 
-/// Share of the variance of the pairs that `chosen` picks in a fold which one image leaves unexplained of the other, and their number.
-pub(super) fn unexplained(
-    pairs: &[Pair],
-    details: &[Detail],
-    changes: &[Change],
-    fold: Fold,
-    chosen: &(dyn Fn(&Pair) -> bool + Sync),
-) -> (f64, usize) {
-    let seen = |pair: &Pair| {
-        let value = |k: usize| Some(details[pair.views[k]].at(pair.places[k], &changes[pair.cameras[k]])?.0);
+/// What the two images of each pair in a fold show, where both show it.
+pub(super) fn shown(pairs: &[Pair], details: &[Detail], changes: &[Change], fold: Fold) -> Vec<[f64; 2]> {
+    let values = |pair: &Pair| {
+        let value = |k: usize| Some(details[pair.seen[k].view].at(&pair.seen[k], &changes[pair.seen[k].camera])?.0);
         Some([value(0)?, value(1)?])
     };
-    let found: Vec<[f64; 2]> =
-        pairs.par_iter().filter(|pair| fold.holds(pair.point) && chosen(pair)).filter_map(seen).collect();
-    (1.0 - correlation(found.iter().copied()).powi(2), found.len())
+    pairs.par_iter().filter(|pair| fold.holds(pair.point)).filter_map(values).collect()
 }

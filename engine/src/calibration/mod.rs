@@ -4,8 +4,10 @@
 //! drive, and tells of what no user looks at: a lens distortion stated for images that were rectified, a camera turned by a fifth of a degree.
 
 mod alignment;
+mod front;
 mod lenses;
 mod mounts;
+mod successive;
 #[cfg(test)]
 mod tests;
 
@@ -18,6 +20,8 @@ use serde::{Deserialize, Serialize};
 
 pub use lenses::{LensFinding, Lenses};
 pub use mounts::{Mount, MountFinding};
+use successive::Asked;
+pub use successive::CameraFinding;
 
 use crate::{
     error::Result,
@@ -26,8 +30,9 @@ use crate::{
     words::Words,
 };
 
-/// Frames that are looked at.
-const FRAMES: usize = 5;
+/// Images that are looked at, and the fewest and the most frames of them.
+const IMAGES: usize = 30;
+const FRAMES: (usize, usize) = (5, 7);
 /// Width to which images are reduced by a whole factor, at least, pixels.
 const WIDTH: usize = 640;
 
@@ -53,6 +58,28 @@ impl Words for Mounts {
     ];
 }
 
+/// When images are exposed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shutters {
+    /// When the clip states; of a camera of which it states nothing, as its images one after the other tell.
+    #[default]
+    Auto,
+    /// When the clip states.
+    Stated,
+}
+
+impl Words for Shutters {
+    const WORDS: &[(&str, Self, &str)] = &[
+        (
+            "auto",
+            Self::Auto,
+            "When the clip states; of a camera of which it states no readout, as its images one after the other tell",
+        ),
+        ("stated", Self::Stated, "When the clip states"),
+    ];
+}
+
 /// Which statements of a clip are believed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Believed<'a> {
@@ -60,6 +87,8 @@ pub struct Believed<'a> {
     pub lenses: Lenses,
     /// Those on mounts.
     pub mounts: Mounts,
+    /// Those on the moments at which images are exposed.
+    pub shutters: Shutters,
     /// The camera against which the others are mounted; `None` for the one against which they are least off.
     pub reference: Option<&'a str>,
 }
@@ -69,7 +98,9 @@ pub struct Believed<'a> {
 pub struct Findings {
     /// Lenses.
     pub lenses: Option<LensFinding>,
-    /// Mounts.
+    /// Mounts and shutters of single cameras, by their own images.
+    pub cameras: Vec<CameraFinding>,
+    /// Mounts of the cameras of a rig against one another.
     pub mounts: Option<MountFinding>,
 }
 
@@ -84,12 +115,21 @@ pub fn calibrated(dir: &ClipDir, selection: &Selection, believed: Believed<'_>) 
         Lenses::Auto => lenses::distorted(dir, &frames, selection),
         Lenses::Stated => Vec::new(),
     };
-    let separate = match believed.mounts {
-        Mounts::Auto => mounts::separate(dir, &frames, selection),
-        Mounts::Stated => Vec::new(),
+    let separate = mounts::separate(dir, &frames, selection);
+    let asked = |camera: &String| Asked {
+        mount: believed.mounts == Mounts::Auto,
+        readout: believed.shutters == Shutters::Auto && !states_readout(dir, camera),
     };
-    let several = separate.len() > 1;
-    let compared = |name: &String| distorted.contains(name) || several && separate.contains(name);
+    let is_asked = |camera: &&String| asked(camera) != Asked { mount: false, readout: false };
+    let alone: Vec<String> = separate
+        .iter()
+        .filter(is_asked)
+        .filter(|camera| successive::is_carried(dir.clip(), &middle(&frames, separate.len()), camera))
+        .cloned()
+        .collect();
+    let several = believed.mounts == Mounts::Auto && separate.len() > 1;
+    let compared =
+        |name: &String| distorted.contains(name) || alone.contains(name) || several && separate.contains(name);
     let cameras = cameras_of(dir, &frames, selection, &|_, record| compared(&record.camera.name));
     let Some(sample) = Sample::new(dir, &cameras, &frames)? else { return Ok((None, findings)) };
     let mut views = sample.views(dir)?;
@@ -102,7 +142,21 @@ pub fn calibrated(dir: &ClipDir, selection: &Selection, believed: Believed<'_>) 
             (changed, views) = (Some(plain), without);
         }
     }
+    let told = |camera: &String| {
+        let clip = changed.as_ref().unwrap_or(dir).clip();
+        successive::otherwise(clip, &sample.cloud, &views, camera, asked(camera))
+    };
+    findings.cameras = alone.iter().filter_map(told).collect();
+    for found in &findings.cameras {
+        let clip = changed.unwrap_or_else(|| dir.clone());
+        let clip = clip.with_mount(&found.mount.camera, &found.mount.stated_from_found());
+        changed =
+            Some(found.readout.into_iter().fold(clip, |clip, readout| clip.with_readout(&found.mount.camera, readout)));
+    }
     if several {
+        if let Some(changed) = changed.as_ref().filter(|_| !findings.cameras.is_empty()) {
+            views = sample.views(changed)?;
+        }
         findings.mounts = mounts::otherwise(&sample.cloud, &views, &separate, believed.reference);
         for mount in findings.mounts.iter().flat_map(|found| &found.cameras) {
             changed =
@@ -110,6 +164,19 @@ pub fn calibrated(dir: &ClipDir, selection: &Selection, believed: Believed<'_>) 
         }
     }
     Ok((changed, findings))
+}
+
+/// Whether the clip says when images of a camera are exposed.
+fn states_readout(dir: &ClipDir, camera: &str) -> bool {
+    let mut records = dir.clip().frames.iter().flat_map(|frame| &frame.cameras);
+    records.any(|record| record.camera.name == camera && record.camera.readout.is_some())
+}
+
+/// The frames in the middle that are looked at, of so many cameras.
+fn middle(frames: &[usize], num_cameras: usize) -> Vec<usize> {
+    let most = (IMAGES / num_cameras.max(1)).clamp(FRAMES.0, FRAMES.1);
+    let skipped = frames.len().saturating_sub(most) / 2;
+    frames.iter().copied().skip(skipped).take(most).collect()
 }
 
 /// The middle input frames of a clip, with small images of some cameras.
@@ -129,10 +196,10 @@ impl Sample {
         };
         let [height, width] = [first.height, first.width].map(|side| usize::try_from(side).unwrap_or(1));
         let factor = (width / WIDTH).max(1);
-        let skipped = frames.len().saturating_sub(FRAMES) / 2;
-        let frames: Vec<usize> = frames.iter().copied().skip(skipped).take(FRAMES).collect();
+        let frames = middle(frames, cameras.len());
         let frame = ClipFrame::of(dir.clip(), frames[0]);
-        let cloud = points::aggregate(dir, &frames, &frame)?;
+        let mut cloud = points::aggregate(dir, &frames, &frame)?;
+        points::tell_apart(&mut cloud, dir.clip(), &frame)?;
         let selection = Selection {
             cameras: Some(cameras.to_vec()),
             frames: Some(frames),

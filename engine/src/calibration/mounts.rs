@@ -13,8 +13,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{
-    alignment::{BELIEF, Change, Detail, Fold, Pair, align, unexplained},
-    cameras_of,
+    alignment::{BELIEF, Change, Detail, FIXED, Fold, Free, MOUNT, Pair, Seen, align, shown},
+    cameras_of, correlation,
 };
 use crate::{
     points::{DepthGrid, PointCloud},
@@ -109,7 +109,7 @@ pub(super) fn otherwise(
         found = steadiest(&found.1.0, views, &cameras).and_then(fit_against).unwrap_or(found);
     }
     let (reference, (changes, unexplained)) = found;
-    let mount = |(name, [a, b, c, x, y, z]): (&String, Change)| Mount {
+    let mount = |(name, [a, b, c, x, y, z, ..]): (&String, Change)| Mount {
         camera: name.clone(),
         turn: [a, b, c],
         shift: [x, y, z],
@@ -132,7 +132,7 @@ fn steadiest(changes: &[Change], views: &[View], cameras: &[Option<usize>]) -> O
     };
     let vectors: Vec<Option<[DVec3; 2]>> = (0..changes.len()).map(in_clip).collect();
     let total = |own: &[DVec3; 2]| -> f64 {
-        let apart = |other: &[DVec3; 2]| (0..2).map(|k| (other[k] - own[k]).length() / BELIEF[k]).sum::<f64>();
+        let apart = |other: &[DVec3; 2]| (0..2).map(|k| (other[k] - own[k]).length() / BELIEF[3 * k]).sum::<f64>();
         vectors.iter().flatten().map(apart).sum()
     };
     let totals: Vec<f64> = vectors.iter().map(|own| own.as_ref().map_or(f64::INFINITY, total)).collect();
@@ -167,7 +167,9 @@ fn pairs(cloud: &PointCloud, views: &[View], cameras: &[Option<usize>]) -> Vec<P
             for &(b, in_b) in &all[i + 1..] {
                 let Some((first, second)) = cameras[a].zip(cameras[b]) else { continue };
                 if first != second && (views[a].frame == own || views[b].frame == own) {
-                    found.push(Pair { point, views: [a, b], cameras: [first, second], places: [in_a, in_b] });
+                    let seen = [(a, first, in_a), (b, second, in_b)];
+                    let seen = seen.map(|(view, camera, place)| Seen { view, camera, place, rate: [0.0; 3] });
+                    found.push(Pair { point, seen });
                 }
             }
         }
@@ -180,7 +182,7 @@ fn pairs(cloud: &PointCloud, views: &[View], cameras: &[Option<usize>]) -> Vec<P
 
 /// How each camera is to be changed, and what is unexplained before and after; `None` where all are where they are stated, as far as can be told.
 fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> Option<(Vec<Change>, [f64; 2])> {
-    let has_camera = |camera: usize| move |pair: &Pair| pair.cameras.contains(&camera);
+    let has_camera = |camera: usize| move |pair: &Pair| pair.seen.iter().any(|seen| seen.camera == camera);
     let mut free: Vec<bool> = (0..num_cameras)
         .map(|c| c != reference && pairs.iter().filter(|pair| has_camera(c)(pair)).count() >= FEWEST_PAIRS)
         .collect();
@@ -188,9 +190,16 @@ fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> 
         LEVELS.iter().map(|&(factor, _)| views.par_iter().map(|view| Detail::new(view, factor)).collect()).collect();
     let stated = vec![Change::default(); num_cameras];
     let finest = &levels[LEVELS.len() - 1];
+    // Share of the variance of the chosen pairs that one image leaves unexplained of the other, and their number.
+    let unexplained = |changes: &[Change], fold: Fold, chosen: &(dyn Fn(&Pair) -> bool + Sync)| {
+        let pairs: Vec<Pair> = pairs.iter().filter(|pair| chosen(pair)).copied().collect();
+        let values = shown(&pairs, finest, changes, fold);
+        (1.0 - correlation(values.iter().copied()).powi(2), values.len())
+    };
     let aligned = |free: &[bool], fold: Fold| {
+        let free: Vec<Free> = free.iter().map(|&free| if free { MOUNT } else { FIXED }).collect();
         LEVELS.iter().zip(&levels).fold(stated.clone(), |changes, (&(_, rounds), details)| {
-            align(pairs, details, &changes, free, fold, rounds)
+            align(pairs, details, &changes, &free, fold, rounds)
         })
     };
     // Each half of the returns judges what the other half found.
@@ -201,7 +210,7 @@ fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> 
             let (mut sums, mut total) = ([0.0; 2], 0.0);
             for (found, fold) in halves {
                 for (sum, changes) in sums.iter_mut().zip([&stated, found]) {
-                    let (share, count) = unexplained(pairs, finest, changes, fold, chosen);
+                    let (share, count) = unexplained(changes, fold, chosen);
                     *sum += share * count as f64;
                     total += count as f64 / 2.0;
                 }
@@ -215,7 +224,7 @@ fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> 
             })
             .collect();
         if better == free {
-            let moved = |pair: &Pair| pair.cameras.iter().any(|&camera| free[camera]);
+            let moved = |pair: &Pair| pair.seen.iter().any(|seen| free[seen.camera]);
             return Some((aligned(&free, Fold::All), shares(&moved)));
         }
         free = better;

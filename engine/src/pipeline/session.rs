@@ -8,7 +8,7 @@ use super::{
     Drawing, Figures, Inputs, MemorySettings, RenderedView, Silent, Stage, Watch, check_memory, evaluate_views,
 };
 use crate::{
-    calibration::{Believed, Findings, Lenses, Mounts, calibrated},
+    calibration::{Believed, Findings, Lenses, Mounts, Shutters, calibrated},
     error::{EngineError, Result},
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, motion::Motion, physical::to_physical},
@@ -28,6 +28,8 @@ pub struct Opening {
     pub lenses: Lenses,
     /// Where cameras are mounted.
     pub mounts: Mounts,
+    /// Which statements on the moments of images are believed.
+    pub shutters: Shutters,
     /// Whether cameras are brought to common colours.
     pub colours: Colours,
     /// The camera to whose colours and mount the others are brought; `None` for the first, and for mounts the one against which the others are
@@ -48,7 +50,13 @@ impl Opening {
     /// The same, all that the clip says of its cameras believed, and images as they were taken.
     #[must_use]
     pub fn as_stated(self) -> Self {
-        Self { lenses: Lenses::Stated, mounts: Mounts::Stated, colours: Colours::AsTaken, ..self }
+        Self {
+            lenses: Lenses::Stated,
+            mounts: Mounts::Stated,
+            shutters: Shutters::Stated,
+            colours: Colours::AsTaken,
+            ..self
+        }
     }
 }
 
@@ -84,12 +92,13 @@ impl Session {
         watch: &mut Watch<'_>,
         change: impl FnOnce(&mut Vec<View>),
     ) -> Result<Self> {
-        let Opening { selection, motion, lenses, mounts, colours, reference_camera, clip_frame, memory } = opening;
+        let Opening { selection, motion, lenses, mounts, shutters, colours, reference_camera, clip_frame, memory } =
+            opening;
         check_memory(&dir, &selection, memory)?;
         let frames = selection.frames(dir.clip())?;
         let num_images = selection.num_images(dir.clip(), Role::Input)?;
         let reference = reference_camera.as_deref();
-        let believed = Believed { lenses, mounts, reference };
+        let believed = Believed { lenses, mounts, shutters, reference };
         let (changed, findings) = watch.time(Stage::Load, |_| calibrated(&dir, &selection, believed))?;
         let dir = changed.map_or(dir, Arc::new);
         let clip_frame =

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::moving::MovingShares;
 use crate::{
-    calibration::{LensFinding, Lenses, MountFinding, Mounts},
+    calibration::{CameraFinding, LensFinding, Lenses, MountFinding, Mounts, Shutters},
     evaluate::ViewFigures,
     gaussians::{background::MapFit, motion::Motion},
     photometry::{Colours, Photometry},
@@ -60,7 +60,10 @@ pub struct Metrics {
     /// What the returns said of the lenses; no key where it is what the clip states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensFinding>,
-    /// The cameras that are mounted otherwise than the clip states.
+    /// The cameras whose own images say that they are mounted or exposed otherwise than the clip states; no key where there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Vec<CameraFinding>>,
+    /// The cameras of a rig that are mounted otherwise against one another than the clip states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mounts: Option<MountFinding>,
     /// How the cameras show the scene's colours; no key where these are the images' own.
@@ -112,6 +115,8 @@ pub struct Config {
     pub lenses: Lenses,
     /// `--mounts`.
     pub mounts: Mounts,
+    /// `--shutters`.
+    pub shutters: Shutters,
     /// Whether cameras were to be brought to common colours.
     pub colours: Colours,
     /// The camera whose colours these were to be; `None` for the first.

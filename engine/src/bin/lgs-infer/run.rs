@@ -111,6 +111,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         depth_maps: reconstruction.depth_maps,
         lidar_turn: reconstruction.turn,
         lenses: session.findings().lenses.clone(),
+        calibration: Some(session.findings().cameras.clone()).filter(|cameras| !cameras.is_empty()),
         mounts: session.findings().mounts.clone(),
         photometry: inputs.colours().photometry.clone(),
         dropped_returns: Some(reconstruction.dropped).filter(|dropped| dropped.total() > 0),
@@ -163,6 +164,7 @@ fn opened(args: &Args, dir: ClipDir, watch: &mut Watch<'_>) -> Result<Session> {
         motion: args.motion,
         lenses: args.lenses,
         mounts: args.mounts,
+        shutters: args.shutters,
         colours: args.colours,
         reference_camera: args.reference_camera.clone(),
         ..Opening::default()
@@ -254,6 +256,7 @@ impl OpenedRun<'_> {
             motion: inputs.motion(),
             lenses: self.args.lenses,
             mounts: self.args.mounts,
+            shutters: self.args.shutters,
             colours: self.args.colours,
             reference_camera: self.args.reference_camera.clone(),
             recipe: *recipe,

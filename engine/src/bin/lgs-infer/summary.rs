@@ -18,10 +18,12 @@ pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
     let dropped = metrics.dropped_returns.and_then(|dropped| dropped.in_words());
     let dropped = dropped.map(|words| format!("returns: {words}"));
     let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
+    let calibration = metrics.calibration.iter().flatten().map(|found| format!("calibration: {}", found.in_words()));
     let mounts = metrics.mounts.as_ref().map(|found| format!("mounts: {}", found.in_words()));
     let colours = colours.in_words().map(|words| format!("cameras: {words}"));
     let refused = metrics.drawn_on.refused.iter().map(|reason| format!("device: drawn by the CPU, since {reason}"));
-    maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(mounts).chain(colours).chain(refused).collect()
+    let clip = maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(calibration).chain(mounts);
+    clip.chain(colours).chain(refused).collect()
 }
 
 /// A page of text: mean figures, counts, times and where the files are.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    calibration::{Lenses, Mounts},
+    calibration::{Lenses, Mounts, Shutters},
     evaluate::ViewFigures,
     gaussians::{background::Mode, motion::Motion},
     photometry::Colours,
@@ -29,6 +29,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
             motion: Motion::Registered,
             lenses: Lenses::Auto,
             mounts: Mounts::Auto,
+            shutters: Shutters::Auto,
             colours: Colours::Auto,
             reference_camera: None,
             recipe: Recipe::initial(Mode::Auto.into()),
@@ -48,6 +49,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         depth_maps: Vec::new(),
         lidar_turn: None,
         lenses: None,
+        calibration: None,
         mounts: None,
         photometry: None,
         dropped_returns: None,

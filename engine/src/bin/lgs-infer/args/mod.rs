@@ -10,7 +10,7 @@ use std::{num::NonZeroUsize, path::PathBuf};
 use clap::{Parser, builder::RangedU64ValueParser};
 use lgs_cli::words;
 use lgs_engine::{
-    calibration::{Lenses, Mounts},
+    calibration::{Lenses, Mounts, Shutters},
     gaussians::motion::Motion,
     network::{shipped, source::ModelSource},
     photometry::Colours,
@@ -94,10 +94,15 @@ pub(crate) struct Args {
     #[arg(long, value_parser = words(Lenses::WORDS), default_value = Lenses::default().word())]
     pub(crate) lenses: Lenses,
 
-    /// Where the cameras of a rig are mounted against each other: `auto`, where the clip states unless returns that two of them show look alike
-    /// only when they are turned or moved; `stated`
+    /// Where cameras are mounted: `auto`, where the clip states unless returns that two images of one camera, or of two of a rig, show look alike
+    /// only when it is turned or moved; `stated`
     #[arg(long, value_parser = words(Mounts::WORDS), default_value = Mounts::default().word())]
     pub(crate) mounts: Mounts,
+
+    /// When the rows of images are exposed: `auto`, when the clip states, and where it states no readout of a camera as its images one after
+    /// the other tell; `stated`
+    #[arg(long, value_parser = words(Shutters::WORDS), default_value = Shutters::default().word())]
+    pub(crate) shutters: Shutters,
 
     /// Whether cameras that show the same places in other colours are brought to common ones: `auto` or `as-taken`
     #[arg(long, value_parser = words(Colours::WORDS), default_value = Colours::default().word())]
