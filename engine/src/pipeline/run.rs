@@ -32,6 +32,9 @@ pub struct Run<'a> {
     pub deadline: Option<Deadline>,
 }
 
+/// Who is told of a scene at a mark, and of the times until then.
+pub(super) type Told<'a> = dyn FnMut(&Reconstruction, &StageTimes) + 'a;
+
 /// When a run has to be done.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadline {
@@ -76,7 +79,7 @@ impl Begun<'_> {
         run: &Run<'_>,
         watch: &mut Watch<'_>,
         marks: &[usize],
-        done: &mut dyn FnMut(&Reconstruction, &StageTimes),
+        done: &mut Told<'_>,
     ) -> Result<Reconstruction> {
         let (recipe, inputs) = (&run.recipe, self.inputs());
         let until = run.deadline.map(|deadline| deadline.until);
@@ -99,7 +102,7 @@ pub(super) fn optimise(
     inputs: &Inputs,
     run: &Run<'_>,
     watch: &mut Watch<'_>,
-    (marks, done): (&[usize], &mut dyn FnMut(&Reconstruction, &StageTimes)),
+    (marks, done): (&[usize], &mut Told<'_>),
 ) -> Result<()> {
     let (steps, schedule, reduce) = (run.adam_steps(), run.recipe.view_schedule(run.seed), run.recipe.refine_reduce);
     check_refinement([made.scene.num_lidar, made.scene.num_background()], None, MemorySettings::default())?;

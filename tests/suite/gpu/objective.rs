@@ -206,11 +206,11 @@ fn steps_of_adam_are_those_of_its_formula() -> Outcome {
         let before = set.clone();
         adam.step(&mut set, &views);
         let (mut got, mut want) = (Vec::new(), Vec::new());
-        for i in 0..set.len() {
+        for (i, moments) in moments.iter_mut().enumerate() {
             let slopes = gradient.attributes[i].iter().chain(&gradient.velocities[i]);
             let (old, new) = (values(&before, i), values(&set, i));
             for (k, &slope) in slopes.enumerate() {
-                let [first, second] = &mut moments[i][k];
+                let [first, second] = &mut moments[k];
                 *first = 0.9 * *first + 0.1 * f64::from(slope);
                 *second = 0.999 * *second + 0.001 * f64::from(slope).powi(2);
                 let unbiased = [*first / (1.0 - 0.9_f64.powi(step)), *second / (1.0 - 0.999_f64.powi(step))];
