@@ -1,7 +1,7 @@
 //! The rendering loss of a scene over several views, and its gradient by the raw parameters.
 
 #[cfg(feature = "gpu")]
-mod gpu;
+pub(crate) mod gpu;
 
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use lgs_formats::image::PixelLabel;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
-use crate::loss::{LossTerms, LossWeights, image_loss, residual_image, velocity_loss};
+use crate::loss::{Kept, LossTerms, LossWeights, image_loss, residual_image, velocity_loss};
 use crate::render::{Device, RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::View;
 
@@ -23,10 +23,10 @@ const FAINT: f64 = 0.05;
 /// Seconds that an objective took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ObjectiveSeconds {
-    /// Drawing the views, and its gradient; on a GPU with the loss.
+    /// Drawing the views, and its gradient; with the loss where that is not known by itself.
     pub render: f64,
-    /// The loss of the drawn images, and its gradient, by the processor.
-    pub loss: f64,
+    /// The loss of the drawn images, and its gradient; `None` on a GPU, which does all of it without a stop that would tell.
+    pub loss: Option<f64>,
 }
 
 /// The terms of a loss, unweighted.
@@ -92,17 +92,21 @@ pub fn objective(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> O
 /// r the error of the colour and [`residual_image`]'s of the depth. For a colour that is the gradient of half the squared error, over the
 /// weight: the mean error under the Gaussian.
 pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights, wanted: Wanted) -> Objective {
+    objective_keeping(set, views, weights, wanted, &mut Kept::default())
+}
+
+/// As [`objective_with`], with what is kept of the views on a GPU.
+pub(crate) fn objective_keeping<'v>(
+    set: &GaussianSet,
+    views: &[&'v View],
+    weights: &LossWeights,
+    wanted: Wanted,
+    kept: &mut Kept<'v>,
+) -> Objective {
     let splats: Vec<Splat> = to_physical(set);
     let Found { terms: of_views, gradients, residuals, blended, images, seen, seconds } =
-        found_on(&splats, views, weights, wanted);
-    let (mut loss, mut terms) = (0.0, Terms::default());
-    let mean = 1.0 / views.len() as f64;
-    for of_view in of_views {
-        loss += of_view.total * mean;
-        terms.l1 += of_view.l1 * mean;
-        terms.dissimilarity += of_view.ssim.map_or(0.0, |ssim| 1.0 - ssim) * mean;
-        terms.depth += of_view.depth * mean;
-    }
+        found_on(&splats, views, (weights, wanted), kept);
+    let (mut loss, mut terms) = mean_over(&of_views);
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
     let (speed, by_velocity) = velocity_loss(&set.velocities[..set.num_lidar], weights.velocity);
@@ -115,6 +119,19 @@ pub fn objective_with(set: &GaussianSet, views: &[&View], weights: &LossWeights,
     }
     let mean_residuals = over_weights(residuals.raw(set), &blended);
     Objective { loss, terms, gradient, mean_residuals, images, seen, seconds }
+}
+
+/// The mean loss of views, and its terms.
+pub(crate) fn mean_over(views: &[LossTerms]) -> (f64, Terms) {
+    let (mut loss, mut terms) = (0.0, Terms::default());
+    let mean = 1.0 / views.len() as f64;
+    for view in views {
+        loss += view.total * mean;
+        terms.l1 += view.l1 * mean;
+        terms.dissimilarity += view.ssim.map_or(0.0, |ssim| 1.0 - ssim) * mean;
+        terms.depth += view.depth * mean;
+    }
+    (loss, terms)
 }
 
 /// What the views say of a scene, by physical values.
@@ -134,14 +151,21 @@ struct Found {
 }
 
 /// What the views say of a scene, where it is wanted; by the processor, where that has not the room for it.
-fn found_on(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wanted) -> Found {
+fn found_on<'v>(
+    splats: &[Splat],
+    views: &[&'v View],
+    (weights, wanted): (&LossWeights, Wanted),
+    kept: &mut Kept<'v>,
+) -> Found {
     // The GPU has no kernel for the term of the peak signal-to-noise ratio, which training alone knows.
     #[cfg(feature = "gpu")]
     if weights.psnr == 0.0
-        && let Some(found) = wanted.device.try_gpu(|on| gpu::found(on, splats, views, weights, wanted))
+        && let Some(found) = wanted.device.try_gpu(|on| gpu::found(on, splats, views, (weights, wanted), kept))
     {
         return found;
     }
+    // Without GPUs nothing is kept.
+    let _ = kept;
     found(splats, views, weights, wanted)
 }
 
@@ -177,7 +201,7 @@ fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wante
             images.push(state.images.rgb);
         }
     }
-    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: loss_s };
+    let seconds = ObjectiveSeconds { render: start.elapsed().as_secs_f64() - loss_s, loss: Some(loss_s) };
     Found { terms, gradients, residuals, blended, images, seen, seconds }
 }
 

@@ -11,17 +11,18 @@ use candle_core::Tensor;
 
 use crate::error::Result;
 use crate::gaussians::{Branch, GaussianSet, RawGradient};
-use crate::loss::LossWeights;
+use crate::loss::{Kept, LossWeights};
 use crate::network::config::{Guidance, ModelConfig, StepLength};
 use crate::network::guide::{Guide, gradient_inputs, refine_inputs, refine_rows};
 use crate::network::levels::Levels;
 use crate::network::model::Model;
-use crate::objective::{Objective, Wanted, objective_with};
+use crate::objective::{Objective, Wanted, objective_keeping};
 use crate::ops::tensors::of_rows;
 use crate::predict::add_outputs;
 use crate::render::{MemoryEstimate, Pass};
 use crate::views::{View, at_factor};
 
+use lengths::step_lengths_with;
 pub use lengths::{lengthen, step_lengths};
 pub use summary::{KnownObjective, LineSearch, RefineSeconds, RefineSettings, RefineSummary, Refined};
 pub use view_schedule::ViewSchedule;
@@ -121,17 +122,18 @@ pub fn refine_and_measure(
 }
 
 /// A refinement between two of its steps.
-struct Refinement<'a> {
+struct Refinement<'a, 'v> {
     model: &'a Model,
     settings: RefineSettings,
     /// Of the `LiDAR` branch and of the background.
     pyramids: [Pyramid; 2],
+    kept: Kept<'v>,
     summary: RefineSummary,
 }
 
-impl<'a> Refinement<'a> {
+impl<'a, 'v> Refinement<'a, 'v> {
     fn new(model: &'a Model, settings: RefineSettings) -> Self {
-        Self { model, settings, pyramids: Default::default(), summary: RefineSummary::default() }
+        Self { model, settings, pyramids: Default::default(), kept: Kept::default(), summary: RefineSummary::default() }
     }
 
     /// Whether every Gaussian's length of a step is searched for.
@@ -144,7 +146,7 @@ impl<'a> Refinement<'a> {
     ///
     /// # Errors
     /// As [`MemoryEstimate::check`].
-    fn measure(&mut self, set: &GaussianSet, views: &[&View], index: usize) -> Result<Objective> {
+    fn measure(&mut self, set: &GaussianSet, views: &[&'v View], index: usize) -> Result<Objective> {
         let wanted = if index < self.settings.steps {
             Wanted { images: self.searches(index), ..wanted(&self.model.config) }
         } else {
@@ -152,10 +154,9 @@ impl<'a> Refinement<'a> {
         };
         let wanted = Wanted { device: self.settings.device, ..wanted };
         MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
-        let found = objective_with(set, views, &LossWeights::default(), wanted);
+        let found = objective_keeping(set, views, &LossWeights::default(), wanted, &mut self.kept);
         self.summary.losses.push(found.loss);
-        self.summary.seconds.render += found.seconds.render;
-        self.summary.seconds.loss += found.seconds.loss;
+        self.summary.seconds.add(found.seconds);
         Ok(found)
     }
 
@@ -165,7 +166,7 @@ impl<'a> Refinement<'a> {
         set: &mut GaussianSet,
         before: &GaussianSet,
         current: &mut Objective,
-        views: &[&View],
+        views: &[&'v View],
         index: usize,
     ) -> Result<bool> {
         self.summary.non_finite_gradients += zero_non_finite_guide(current, self.model.config.guidance);
@@ -180,7 +181,8 @@ impl<'a> Refinement<'a> {
         }
         if self.searches(index) {
             let start = Instant::now();
-            lengthen(set, before, &step_lengths(self.settings.device, &current.images, set, views));
+            let lengths = step_lengths_with(self.settings.device, &current.images, set, views, &mut self.kept);
+            lengthen(set, before, &lengths);
             self.summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
         Ok(true)

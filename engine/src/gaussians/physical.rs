@@ -114,10 +114,15 @@ fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_
     out
 }
 
+/// Largest physical scale of the background.
+pub(crate) fn most_behind() -> f32 {
+    MAX_LOG_SCALE.exp()
+}
+
 fn scale_of(log_scale: f32, branch: Branch) -> f32 {
     let upper = match branch {
         Branch::Lidar => MAX_SCALE,
-        Branch::Background => MAX_LOG_SCALE.exp(),
+        Branch::Background => most_behind(),
     };
     log_scale.exp().clamp(MIN_SCALE, upper)
 }

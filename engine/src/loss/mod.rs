@@ -8,6 +8,7 @@ mod costs;
 mod depth;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+mod kept;
 mod l1;
 mod map;
 mod psnr;
@@ -25,6 +26,7 @@ use crate::{
 };
 pub use costs::pixel_costs;
 pub(crate) use depth::depth_errors;
+pub use kept::Kept;
 pub use map::{LossCounts, LossMap, loss_map, patch_change};
 pub use residual::residual_image;
 use ssim::ImagePair;

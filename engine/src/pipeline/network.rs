@@ -129,7 +129,7 @@ impl<'a> NetworkSettings<'a> {
                 until,
                 line_search: recipe.line_search,
                 optimised_after: recipe.adam_steps > 0,
-                device: recipe.device.opened(),
+                device: recipe.device(),
             },
             query: recipe.query,
             density: recipe.density,

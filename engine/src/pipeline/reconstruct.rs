@@ -194,12 +194,12 @@ impl<'a> Begun<'a> {
 impl Reconstruction {
     /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
     /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub(crate) fn begin_adam(
+    pub(crate) fn begin_adam<'v>(
         &mut self,
         (schedule, device): (ViewSchedule, Device),
         reduce: usize,
         num_views: usize,
-    ) -> Adam {
+    ) -> Adam<'v> {
         let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
         let mut adam =
             Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start, device });

@@ -32,6 +32,9 @@ pub struct Run<'a> {
     pub deadline: Option<Deadline>,
 }
 
+/// Who is told of a scene at a mark, and of the times until then.
+pub(super) type Told<'a> = dyn FnMut(&Reconstruction, &StageTimes) + 'a;
+
 /// When a run has to be done.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadline {
@@ -61,13 +64,13 @@ impl Session {
     /// # Errors
     /// Those of [`begin`] and of [`Begun::run`].
     pub fn run(&self, run: &Run<'_>, watch: &mut Watch<'_>) -> Result<Reconstruction> {
-        begin(self.inputs(), watch)?.run(run, watch, &mut |_, _| ())
+        begin(self.inputs(), watch)?.run(run, watch, &[], &mut |_, _| ())
     }
 }
 
 impl Begun<'_> {
     /// The scene: the rest of the initial Gaussians, the network where the recipe has one, per-scene optimisation. `done` is told of the scene
-    /// before the first step of the latter and after each of them, and of the times until then; what it takes counts for nothing.
+    /// after each of the `marks`, steps of the latter, and of the times until then; what it takes counts for nothing.
     ///
     /// # Errors
     /// Those of `Begun::finish`; more Gaussians than there is memory to optimise or to draw them.
@@ -75,16 +78,19 @@ impl Begun<'_> {
         self,
         run: &Run<'_>,
         watch: &mut Watch<'_>,
-        done: &mut dyn FnMut(&Reconstruction, &StageTimes),
+        marks: &[usize],
+        done: &mut Told<'_>,
     ) -> Result<Reconstruction> {
         let (recipe, inputs) = (&run.recipe, self.inputs());
         let until = run.deadline.map(|deadline| deadline.until);
         let network = run.model.filter(|_| recipe.network);
         let network = network.map(|model| NetworkSettings::of(recipe, model, run.seed, until));
         let mut made = self.finish(recipe.start(), network.as_ref(), watch)?;
-        done(&made, &watch.times);
+        if marks.contains(&0) {
+            done(&made, &watch.times);
+        }
         if run.adam_steps() > 0 {
-            optimise(&mut made, inputs, run, watch, done)?;
+            optimise(&mut made, inputs, run, watch, (marks, done))?;
         }
         Ok(made)
     }
@@ -96,7 +102,7 @@ pub(super) fn optimise(
     inputs: &Inputs,
     run: &Run<'_>,
     watch: &mut Watch<'_>,
-    done: &mut dyn FnMut(&Reconstruction, &StageTimes),
+    (marks, done): (&[usize], &mut Told<'_>),
 ) -> Result<()> {
     let (steps, schedule, reduce) = (run.adam_steps(), run.recipe.view_schedule(run.seed), run.recipe.refine_reduce);
     check_refinement([made.scene.num_lidar, made.scene.num_background()], None, MemorySettings::default())?;
@@ -104,13 +110,13 @@ pub(super) fn optimise(
     // A step draws the views once, as the learned refinement has.
     let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
     let mut step_s = refined.or(run.deadline.map(|deadline| deadline.adam_step_s)).unwrap_or(0.0);
-    let mut adam = made.begin_adam((schedule, run.recipe.device.opened()), reduce, inputs.views().len());
+    let mut adam = made.begin_adam((schedule, run.recipe.device()), reduce, inputs.views().len());
     let (before, refine_before) = (made.seconds, watch.times.refine);
     watch.progress.begin(Stage::Refine, steps);
     let full: Vec<&View> = inputs.views().iter().collect();
     let reduced = watch.time(Stage::Refine, |_| at_factor(&full, reduce));
     let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    for _ in 0..steps {
+    for step in 1..=steps {
         let (begun, draws) = (Instant::now(), adam.draws());
         if draws {
             let late = |deadline: Deadline| begun + Duration::from_secs_f64(step_s) > deadline.until;
@@ -121,7 +127,10 @@ pub(super) fn optimise(
             watch.time(Stage::Refine, |_| MemoryEstimate::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
         }
         watch.time(Stage::Refine, |progress| {
-            adam.step(&mut made.scene, &views);
+            adam.step_ahead(&mut made.scene, &views);
+            if marks.contains(&step) {
+                adam.settle(&mut made.scene, &views);
+            }
             progress.step(Stage::Refine);
         });
         if draws {
@@ -131,9 +140,12 @@ pub(super) fn optimise(
         watch.times.refine = refine_before;
         watch.times.add_refine(adam.summary().seconds);
         made.seconds = before + (asked - start - waited).as_secs_f64();
-        done(made, &watch.times);
+        if marks.contains(&step) {
+            done(made, &watch.times);
+        }
         waited += asked.elapsed();
     }
+    watch.time(Stage::Refine, |_| adam.settle(&mut made.scene, &views));
     watch.progress.end(Stage::Refine);
     let summary = adam.into_summary();
     made.optimisation = (!summary.losses.is_empty()).then_some(summary);

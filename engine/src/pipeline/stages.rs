@@ -61,7 +61,7 @@ impl Stage {
     }
 }
 
-/// Seconds that each stage took; 0 for a stage that did not run.
+/// Seconds that each stage took; 0 for a stage that did not run. In JSON `null` for what is not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
     stages: [f64; Stage::ALL.len()],
@@ -81,6 +81,7 @@ impl StageTimes {
         self.refine = Some(RefineSeconds {
             render: before.render + seconds.render,
             loss: before.loss + seconds.loss,
+            loss_in_render: before.loss_in_render || seconds.loss_in_render,
             network: before.network + seconds.network,
             lengths: before.lengths + seconds.lengths,
         });
@@ -89,12 +90,12 @@ impl StageTimes {
 
 impl serde::Serialize for StageTimes {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let stages = Stage::ALL.map(|stage| (stage.key(), self.get(stage)));
+        let stages = Stage::ALL.map(|stage| (stage.key(), Some(self.get(stage))));
         let parts = self.refine.map(|parts| {
             [
-                ("refine_render", parts.render + parts.lengths),
-                ("refine_loss", parts.loss),
-                ("refine_network", parts.network),
+                ("refine_render", Some(parts.render + parts.lengths)),
+                ("refine_loss", parts.loss_alone()),
+                ("refine_network", Some(parts.network)),
             ]
         });
         serializer.collect_map(stages.into_iter().chain(parts.into_iter().flatten()))
@@ -161,6 +162,7 @@ impl std::fmt::Debug for Watch<'_> {
 #[cfg(test)]
 mod tests {
     use super::{Silent, Stage, Watch};
+    use crate::refine::RefineSeconds;
 
     #[test]
     fn times_add_up_and_are_written_in_the_order_of_the_work() {
@@ -174,5 +176,16 @@ mod tests {
         let json = serde_json::to_string(&watch.times).unwrap();
         let keys: Vec<usize> = Stage::ALL.map(|s| json.find(&format!("\"{}\":", s.key())).unwrap()).to_vec();
         assert!(keys.is_sorted(), "{json}");
+    }
+
+    #[test]
+    fn a_loss_that_a_gpu_took_is_not_known() {
+        let mut watch = Watch::new(&Silent);
+        let of = |loss, loss_in_render| RefineSeconds { render: 1.0, loss, loss_in_render, ..RefineSeconds::default() };
+        watch.times.add_refine(of(0.5, false));
+        assert_eq!(serde_json::to_value(watch.times).unwrap()["refine_loss"], 0.5);
+        watch.times.add_refine(of(0.0, true));
+        let json = serde_json::to_value(watch.times).unwrap();
+        assert!(json["refine_loss"].is_null() && json["refine_render"] == 2.0, "{json}");
     }
 }

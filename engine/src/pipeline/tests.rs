@@ -96,7 +96,10 @@ impl Held {
     fn reconstruct(&self) -> Reconstruction {
         let inputs = self.inputs(self.views(Role::Input).unwrap()).unwrap();
         let mut watch = Watch::new(&Silent);
-        begin(&inputs, &mut watch).unwrap().run(&Run::initial(Mode::Auto.into()), &mut watch, &mut |_, _| ()).unwrap()
+        begin(&inputs, &mut watch)
+            .unwrap()
+            .run(&Run::initial(Mode::Auto.into()), &mut watch, &[], &mut |_, _| ())
+            .unwrap()
     }
 }
 
@@ -190,7 +193,7 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
         made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
         let before = made.scene.clone();
-        optimise(&mut made, &inputs, &adam(1, 1, None), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
+        optimise(&mut made, &inputs, &adam(1, 1, None), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
         let colours = |scene: &GaussianSet| -> Vec<f32> {
             scene.attributes.iter().flat_map(|row| row[LOGIT_COLOUR].to_vec()).collect()
         };
@@ -214,7 +217,7 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
         let mut made = held.reconstruct();
         let objective = || objective(&made.scene, &views, &LossWeights::default());
         made.measured = measured_at.map(|reduce| KnownObjective { objective: objective(), reduce });
-        optimise(&mut made, &inputs, &adam(2, reduce, None), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
+        optimise(&mut made, &inputs, &adam(2, reduce, None), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
         let summary = made.optimisation.unwrap();
         (made.scene, summary.losses, made.measured.is_none())
     };
@@ -226,6 +229,6 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
     made.measured =
         Some(KnownObjective { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
     let deadline = Some(Deadline { until: std::time::Instant::now(), adam_steps: 9, adam_step_s: 1.0 });
-    optimise(&mut made, &inputs, &adam(0, 1, deadline), &mut Watch::new(&Silent), &mut |_, _| ()).unwrap();
+    optimise(&mut made, &inputs, &adam(0, 1, deadline), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
     assert_eq!(made.optimisation.unwrap().losses.len(), 1);
 }

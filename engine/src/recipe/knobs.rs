@@ -14,6 +14,8 @@ const MOST_LEARNED: usize = 1000;
 const MOST_ADAM: usize = 100_000;
 /// Most that images may be made smaller by.
 const MOST_REDUCED: usize = 64;
+/// Least memory that a GPU may be held to, 10^6 bytes: less does not hold a small view.
+const LEAST_MEMORY_MB: usize = 16;
 
 /// One option.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +43,7 @@ pub struct Knob {
 }
 
 /// All of them, in the order in which they are applied.
-pub const KNOBS: [Knob; 14] = [
+pub const KNOBS: [Knob; 15] = [
     Knob {
         name: "background",
         usual: "auto",
@@ -265,6 +267,23 @@ pub const KNOBS: [Knob; 14] = [
         get: |recipe| Some(json!(recipe.device)),
         always: false,
     },
+    Knob {
+        name: "device-memory",
+        usual: "",
+        value: "MB",
+        help: "Memory that a GPU may take, 10^6 bytes, 16 or more: what does not fit is drawn by the processor [default: what the driver gives]",
+        words: &[],
+        aliases: &[],
+        by_budget: false,
+        set: |recipe, text| {
+            let mut count = 0;
+            put_count(&mut count, text, [LEAST_MEMORY_MB, usize::MAX])?;
+            recipe.device_memory = NonZeroUsize::new(count);
+            Ok(())
+        },
+        get: |recipe| recipe.device_memory.map(|count| json!(count)),
+        always: false,
+    },
 ];
 
 impl Knob {
@@ -363,6 +382,7 @@ mod tests {
             ("refine-views", "4"),
             ("refine-reduce", "2"),
             ("device", "gpu:1"),
+            ("device-memory", "4000"),
         ];
         for (name, value) in values {
             let knob = KNOBS.iter().find(|knob| knob.name == name).unwrap();

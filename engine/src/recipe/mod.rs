@@ -10,7 +10,7 @@ use crate::{
     densify::{Density, Limit, Scope, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
     refine::{LineSearch, ViewSchedule},
-    render::DeviceChoice,
+    render::{Device, DeviceChoice},
 };
 
 pub use knobs::{KNOBS, Knob};
@@ -53,6 +53,9 @@ pub struct Recipe {
     /// Where views are drawn.
     #[serde(default, skip_serializing_if = "DeviceChoice::is_auto")]
     pub device: DeviceChoice,
+    /// 10^6 bytes that a GPU may take; `None` for what its driver gives.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device_memory: Option<NonZeroUsize>,
 }
 
 impl Default for Recipe {
@@ -73,6 +76,7 @@ impl Default for Recipe {
             refine_reduce: 1,
             line_search: LineSearch::Auto,
             device: DeviceChoice::Auto,
+            device_memory: None,
         }
     }
 }
@@ -98,6 +102,11 @@ impl Recipe {
     /// Whether anybody refines.
     pub const fn refines(&self) -> bool {
         (self.network && self.refine_steps > 0) || self.adam_steps > 0
+    }
+
+    /// Where views are drawn, held to the memory that it may take.
+    pub fn device(&self) -> Device {
+        self.device.opened().held_to(self.device_memory)
     }
 
     /// The views that a step looks at.

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::gaussians::{GaussianSet, MEAN};
+use crate::loss::Kept;
 use crate::network::normalise::is_carried_away;
 use crate::objective::{BEHIND, counted_pixels};
 use crate::render::{Device, blended_sums, render_for_gradient};
@@ -28,7 +29,18 @@ const PRIOR: f64 = 0.1;
 /// the step, r = truth - before, d = after - before, p a tenth of the mean of `sum w d d` over the Gaussians that are shown. Where the colours
 /// around a Gaussian change in proportion to its step, that is the least squared error.
 pub fn step_lengths(device: Device, before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -> Vec<f32> {
-    let sums = agreements_on(device, before, &to_physical(after), views);
+    step_lengths_with(device, before, after, views, &mut Kept::default())
+}
+
+/// As [`step_lengths`], with what is kept of the views on a GPU.
+pub(super) fn step_lengths_with<'v>(
+    device: Device,
+    before: &[Vec<f32>],
+    after: &GaussianSet,
+    views: &[&'v View],
+    kept: &mut Kept<'v>,
+) -> Vec<f32> {
+    let sums = agreements_on(device, before, &to_physical(after), views, kept);
     let (count, total) = sums.iter().fold((0, 0.0), |(count, total), [_, change]| match *change > 0.0 {
         true => (count + 1, total + change),
         false => (count, total),
@@ -42,13 +54,19 @@ pub fn step_lengths(device: Device, before: &[Vec<f32>], after: &GaussianSet, vi
 }
 
 /// `[N]` sums over the views of the maps of [`agreement`] under the weights of every Gaussian.
-fn agreements_on(device: Device, before: &[Vec<f32>], splats: &[Splat], views: &[&View]) -> Vec<[f64; 2]> {
+fn agreements_on<'v>(
+    device: Device,
+    before: &[Vec<f32>],
+    splats: &[Splat],
+    views: &[&'v View],
+    kept: &mut Kept<'v>,
+) -> Vec<[f64; 2]> {
     #[cfg(feature = "gpu")]
-    if let Some(sums) = device.try_gpu(|gpu| gpu::agreements(gpu, before, splats, views)) {
+    if let Some(sums) = device.try_gpu(|gpu| gpu::agreements(gpu, before, splats, views, kept)) {
         return sums;
     }
     // Without GPUs there is one device.
-    let _ = device;
+    let _ = (device, kept);
     let mut sums = vec![[0.0_f64; 2]; splats.len()];
     for (before, view) in before.iter().zip(views) {
         let state = render_for_gradient(splats, &view.pinhole, BEHIND);

@@ -3,7 +3,11 @@
 use std::time::Instant;
 
 use super::ViewSchedule;
-use crate::{network::config::StepLength, objective::Objective, render::Device};
+use crate::{
+    network::config::StepLength,
+    objective::{Objective, ObjectiveSeconds},
+    render::Device,
+};
 
 /// After which learned steps every Gaussian's length of the step is searched for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -122,12 +126,28 @@ impl RefineSummary {
 /// Seconds of a refinement by kind of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RefineSeconds {
-    /// Drawing the input views, and its gradient.
+    /// Drawing the input views, and its gradient; with the loss where that is not known by itself.
     pub render: f64,
-    /// The loss of the drawn views, and its gradient.
+    /// The loss of the drawn views, and its gradient, as far as it is known by itself.
     pub loss: f64,
+    /// Whether `render` holds the loss of some drawings, as on a GPU.
+    pub loss_in_render: bool,
     /// The network.
     pub network: f64,
     /// Drawing the input views once more, for the lengths of the steps.
     pub lengths: f64,
+}
+
+impl RefineSeconds {
+    /// Adds those of an objective.
+    pub(super) fn add(&mut self, seconds: ObjectiveSeconds) {
+        self.render += seconds.render;
+        self.loss += seconds.loss.unwrap_or(0.0);
+        self.loss_in_render |= seconds.loss.is_none();
+    }
+
+    /// Those of the loss and its gradient; `None` where some of them are not known.
+    pub fn loss_alone(&self) -> Option<f64> {
+        (!self.loss_in_render).then_some(self.loss)
+    }
 }

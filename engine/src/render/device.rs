@@ -1,5 +1,6 @@
 //! Where views are drawn: by the processor, or on a GPU.
 
+use std::num::NonZeroUsize;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -39,12 +40,12 @@ pub enum Device {
 }
 
 /// Where the views of a run were drawn.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DrawnOn {
     /// The GPU's name and what it is used through; `CPU` for the processor.
     pub device: String,
     /// Why the processor drew what the GPU was asked for; no key where it did not.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refused: Vec<String>,
 }
 
@@ -156,6 +157,18 @@ impl PartialEq for Device {
 impl Eq for Device {}
 
 impl Device {
+    /// The device, which may take so many 10^6 bytes from now on; as many as its driver gives where nobody says.
+    #[must_use]
+    pub fn held_to(self, megabytes: Option<NonZeroUsize>) -> Self {
+        #[cfg(feature = "gpu")]
+        if let Self::Gpu(gpu) = self {
+            gpu.limit_memory(megabytes.map_or(u64::MAX, |count| (count.get() as u64).saturating_mul(1_000_000)));
+        }
+        // The processor has limits of its own.
+        let _ = megabytes;
+        self
+    }
+
     /// As [`render`], here; by the processor where the GPU has not the room for it, or has stopped.
     pub fn render(self, splats: &[Splat], view: &PinholeView, background: [f32; 3]) -> Rendered {
         #[cfg(feature = "gpu")]

@@ -32,7 +32,7 @@ use std::{
 use crate::{clip::Frame, clip_dir::Decode, error::Result};
 
 pub use additions::{Additions, DepthFolder};
-pub use open::{open, open_as, open_part};
+pub use open::{open, open_as, open_part, open_scene, scenes};
 pub use write::{write, write_with};
 
 /// A foreign layout.

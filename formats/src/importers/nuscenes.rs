@@ -56,6 +56,11 @@ pub(super) fn resembles(folder: &Path) -> bool {
         || [LIDAR, "CAM_FRONT"].iter().any(|name| folder.join("samples").join(name).is_dir())
 }
 
+/// Names of the scenes of a release.
+pub(super) fn scenes(folder: &Path) -> Result<Vec<String>> {
+    scenes::names(folder)
+}
+
 /// The frames of one scene of a release.
 pub(super) fn read(folder: &Path, selection: &Selection) -> Result<Source> {
     let Chosen { tables, scene } = scenes::choose(folder, selection.scene.as_deref())?;

@@ -22,6 +22,30 @@ pub fn open(path: &Path) -> Result<ClipDir> {
 /// # Errors
 /// Those of [`open`] for what is needed.
 pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
+    open_scene(path, None, needed)
+}
+
+/// Names of the scenes or drives of a folder that holds several of them, by which [`open_scene`] opens each; none where it is one clip.
+///
+/// # Errors
+/// A table of scenes that cannot be read.
+pub fn scenes(path: &Path) -> Result<Vec<String>> {
+    if !path.is_dir() || path.join(CLIP_FILE).exists() {
+        return Ok(Vec::new());
+    }
+    let all = match Layout::ALL.into_iter().find(|layout| layout.is_of(path)) {
+        Some(Layout::NuScenes) => super::nuscenes::scenes(path)?,
+        Some(Layout::Waymo) => super::waymo::scenes(path)?,
+        _ => Vec::new(),
+    };
+    Ok(if all.len() > 1 { all } else { Vec::new() })
+}
+
+/// As [`open_part`], of a folder with several scenes the one of a name.
+///
+/// # Errors
+/// Those of [`open_part`]; no scene of that name.
+pub fn open_scene(path: &Path, scene: Option<&str>, needed: &Needed) -> Result<ClipDir> {
     let is_file = path.is_file();
     if is_file && !Layout::Waymo.is_of(path) && !Layout::Waymo.resembles(path) {
         return Err(FormatError::invalid(
@@ -46,8 +70,12 @@ pub fn open_part(path: &Path, needed: &Needed) -> Result<ClipDir> {
         let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
         return Err(FormatError::invalid(path, "layout", expected, found));
     };
-    let selection =
-        Selection { cameras: needed.cameras.clone(), frames: needed.frames.clone(), ..Selection::default() };
+    let selection = Selection {
+        scene: scene.map(str::to_owned),
+        cameras: needed.cameras.clone(),
+        frames: needed.frames.clone(),
+        ..Selection::default()
+    };
     let source = read(layout, path, &selection)?;
     let standing = stand_ins(&source.frames, needed);
     clip_of(path, source, |frames| {

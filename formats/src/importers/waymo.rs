@@ -78,6 +78,11 @@ fn drives(folder: &Path) -> Result<Vec<DriveFile>> {
     if records.is_empty() && lidar.is_dir() { found(&lidar, TABLES) } else { Ok(records) }
 }
 
+/// Names of the drives of a folder.
+pub(super) fn scenes(folder: &Path) -> Result<Vec<String>> {
+    Ok(drives(folder)?.into_iter().map(|drive| drive.name).collect())
+}
+
 /// The drive of a name, or the only one.
 fn choose(path: &Path, name: Option<&str>) -> Result<DriveFile> {
     let mut drives = drives(path)?;

@@ -47,13 +47,14 @@ pub fn snippets(findings: &Findings) -> String {
 pub fn times(findings: &Findings) -> String {
     let rows =
         findings.snippets.iter().filter_map(|found| Some((found, found.times.as_ref()?))).flat_map(|(found, times)| {
-            found.record.runs.iter().zip(&times.reconstruction_s).map(move |(run, seconds)| {
+            found.record.runs.iter().zip(&times.reconstruction_s).enumerate().map(move |(index, (run, seconds))| {
                 let memory = times.peak_rss_mb.map_or(String::new(), |mb| mb.to_string());
                 let numbers = [times.load_s, *seconds, times.evaluate_s].map(|number| number.to_string());
                 let named = [&found.item, &run.recipe].map(String::clone);
-                named.into_iter().chain(numbers).chain([memory, times.threads.to_string()]).collect()
+                let drawn_on = times.drawn_on.get(index).map_or(String::new(), |drawn_on| drawn_on.device.clone());
+                named.into_iter().chain(numbers).chain([memory, times.threads.to_string(), drawn_on]).collect()
             })
         });
-    let head = ["snippet", "recipe", "load_s", "reconstruction_s", "evaluate_s", "peak_rss_mb", "threads"];
+    let head = ["snippet", "recipe", "load_s", "reconstruction_s", "evaluate_s", "peak_rss_mb", "threads", "drawn_on"];
     csv::<_, String>(&head, rows)
 }

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use lgs_formats::{clip_dir::CLIP_FILE, error::FormatError, importers::Layout};
+use lgs_formats::{clip_dir::CLIP_FILE, error::FormatError, importers, importers::Layout};
 
 use crate::error::{MeasureError, Result};
 
@@ -25,10 +25,12 @@ pub const TEST_LOGS: [u64; 10] = [1, 11, 16, 65, 84, 90, 106, 115, 123, 158];
 /// A drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Drive {
-    /// Its name in results: that of its folder or file, `~2`, `~3`, ... behind it where it was taken.
+    /// Its name in results: that of its folder or file, or of its scene, `~2`, `~3`, ... behind it where it was taken.
     pub name: String,
     /// Where it lies.
     pub path: PathBuf,
+    /// Its name among the scenes that lie there; `None` where it is the only one.
+    pub scene: Option<String>,
 }
 
 /// Which drives of a folder of drives are taken.
@@ -55,12 +57,11 @@ fn number(name: &str) -> Option<u64> {
 }
 
 impl Logs {
-    fn holds(&self, path: &Path) -> bool {
-        let name = plain_name(path);
+    fn holds(&self, name: &str) -> bool {
         match self {
             Self::All => true,
-            Self::Numbers(numbers) => number(&name).is_some_and(|number| numbers.contains(&number)),
-            Self::Names(names) => names.contains(&name),
+            Self::Numbers(numbers) => number(name).is_some_and(|number| numbers.contains(&number)),
+            Self::Names(names) => names.iter().any(|wanted| wanted == name),
         }
     }
 
@@ -73,8 +74,8 @@ impl Logs {
     }
 }
 
-/// The drives that arguments name, in their order: a drive, a folder of drives (those of `logs`, in the order of their names), or a list file
-/// with one drive a line, from the list's own folder; empty lines and those that start with `#` do not count.
+/// The drives that arguments name, in their order: a drive, a folder of drives or of scenes (those of `logs`, in the order of their names or of
+/// its table), or a list file with one drive a line, from the list's own folder; empty lines and those that start with `#` do not count.
 ///
 /// # Errors
 /// An argument that is none of these, and no drive at all.
@@ -94,7 +95,27 @@ pub fn find_drives(arguments: &[PathBuf], logs: &Logs) -> Result<Vec<Drive>> {
     if paths.is_empty() {
         return Err(MeasureError::unfit("DRIVES", "at least one drive", "none"));
     }
-    Ok(named(paths))
+    let mut places = Vec::new();
+    for path in paths {
+        // What is wrong with a table is said when its drive is opened.
+        let scenes = importers::scenes(&path).unwrap_or_default();
+        if scenes.is_empty() {
+            places.push((path, None));
+            continue;
+        }
+        let count = scenes.len();
+        let wanted: Vec<String> = scenes.into_iter().filter(|scene| logs.holds(&plain(scene))).collect();
+        if wanted.is_empty() {
+            return Err(none_of(logs, count, &path));
+        }
+        places.extend(wanted.into_iter().map(|scene| (path.clone(), Some(scene))));
+    }
+    Ok(named(places))
+}
+
+fn none_of(logs: &Logs, count: usize, place: &Path) -> MeasureError {
+    let found = format!("none of them among the {count} drives of {}", place.display());
+    MeasureError::unfit("logs", format!("one of {}", logs.in_words()), found)
 }
 
 /// Whether a folder or file is one drive.
@@ -129,10 +150,9 @@ fn of_place(place: &Path, logs: &Logs) -> Result<Vec<PathBuf>> {
         return Err(MeasureError::unfit("DRIVES", "a drive, a folder of drives or a list file", found));
     }
     let count = all.len();
-    let wanted: Vec<PathBuf> = all.into_iter().filter(|path| logs.holds(path)).collect();
+    let wanted: Vec<PathBuf> = all.into_iter().filter(|path| logs.holds(&plain_name(path))).collect();
     if wanted.is_empty() {
-        let found = format!("none of them among the {count} drives of {}", place.display());
-        return Err(MeasureError::unfit("logs", format!("one of {}", logs.in_words()), found));
+        return Err(none_of(logs, count, place));
     }
     Ok(wanted)
 }
@@ -160,20 +180,24 @@ fn plain_name(path: &Path) -> String {
         name.map(|name| name.to_string_lossy().into_owned())
     };
     let name = of(path).or_else(|| of(&fs::canonicalize(path).ok()?)).unwrap_or_else(|| "drive".to_owned());
+    plain(&name)
+}
+
+fn plain(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
     name.chars().map(plain).take(MAX_NAME).collect()
 }
 
-fn named(paths: Vec<PathBuf>) -> Vec<Drive> {
+fn named(places: Vec<(PathBuf, Option<String>)>) -> Vec<Drive> {
     let mut taken: BTreeMap<String, usize> = BTreeMap::new();
-    let name = |path: PathBuf| {
-        let base = plain_name(&path);
+    let name = |(path, scene): (PathBuf, Option<String>)| {
+        let base = scene.as_deref().map_or_else(|| plain_name(&path), plain);
         let count = taken.entry(base.clone()).or_insert(0);
         *count += 1;
         let name = if *count == 1 { base } else { format!("{base}~{count}") };
-        Drive { name, path }
+        Drive { name, path, scene }
     };
-    paths.into_iter().map(name).collect()
+    places.into_iter().map(name).collect()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The job: drives in, figures of all their snippets out, whatever happens in between.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
 };
 
@@ -53,11 +53,15 @@ impl EvaluationJob<'_> {
     pub fn run(&self, tell: &mut dyn FnMut(ItemEvent<'_>)) -> Result<(Findings, Tried)> {
         let cuts: Vec<Cut<'_>> = self.drives.iter().map(|drive| cut(self.evaluator.protocol, drive)).collect();
         let (key, cuts) = (self.key(), at_least_one(cuts)?);
+        let of_snippets: BTreeSet<String> = cuts
+            .iter()
+            .flat_map(|cut| cut.snippets.iter().flatten().map(|snippet| item_name(cut.drive, snippet)))
+            .collect();
         let mut names: Vec<String> = Vec::new();
         let mut known: BTreeMap<String, (&Cut<'_>, Option<&Snippet>)> = BTreeMap::new();
         for cut in &cuts {
             let snippets = cut.snippets.iter().flatten().map(|snippet| (item_name(cut.drive, snippet), Some(snippet)));
-            let unread = cut.snippets.is_err().then(|| (cut.drive.name.clone(), None));
+            let unread = cut.snippets.is_err().then(|| (unread_name(cut.drive, &of_snippets), None));
             for (name, snippet) in snippets.chain(unread) {
                 names.push(name.clone());
                 known.insert(name, (cut, snippet));
@@ -118,7 +122,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Findings> {
 }
 
 fn cut<'a>(protocol: &Protocol, drive: &'a Drive) -> Cut<'a> {
-    let frames = num_frames(&drive.path, protocol.cameras.as_deref());
+    let frames = num_frames(drive, protocol.cameras.as_deref());
     Cut { drive, snippets: frames.map_err(MeasureError::from).and_then(|frames| protocol.snippets(frames)) }
 }
 
@@ -137,6 +141,13 @@ fn at_least_one(mut cuts: Vec<Cut<'_>>) -> Result<Vec<Cut<'_>>> {
 
 fn item_name(drive: &Drive, snippet: &Snippet) -> String {
     format!("{}-{:05}", drive.name, snippet.first())
+}
+
+/// The item of a drive that has no snippets: its name, or one that no snippet of another drive has.
+fn unread_name(drive: &Drive, of_snippets: &BTreeSet<String>) -> String {
+    let name = drive.name.clone();
+    // No name of a drive ends so.
+    if of_snippets.contains(&name) { name + "~" } else { name }
 }
 
 fn recorded(named: &NamedRecipe) -> RecordedRecipe {

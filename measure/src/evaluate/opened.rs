@@ -1,6 +1,6 @@
 //! Drives, opened: once for how long they are, and one at a time for all of its snippets.
 
-use std::{path::Path, sync::Arc};
+use std::sync::Arc;
 
 use lgs_formats::{
     clip_dir::{ClipDir, Needed},
@@ -17,16 +17,16 @@ const TRIED: usize = 8;
 ///
 /// # Errors
 /// A drive of which none of the first frames can be read; what is wrong with the first one.
-pub fn num_frames(path: &Path, cameras: Option<&[String]>) -> Result<usize> {
+pub fn num_frames(drive: &Drive, cameras: Option<&[String]>) -> Result<usize> {
     let mut first: Option<FormatError> = None;
     for frame in 0..TRIED {
         let needed = Needed { frames: Some(vec![frame]), cameras: cameras.map(<[String]>::to_vec) };
-        match importers::open_part(path, &needed) {
+        match importers::open_scene(&drive.path, drive.scene.as_deref(), &needed) {
             Ok(dir) => return Ok(dir.clip().frames.len()),
             Err(error) => first = first.or(Some(error)),
         }
     }
-    Err(first.unwrap_or_else(|| FormatError::invalid(path, "frames", "at least one", "none")))
+    Err(first.unwrap_or_else(|| FormatError::invalid(&drive.path, "frames", "at least one", "none")))
 }
 
 /// The drive that is open.
@@ -52,7 +52,7 @@ impl OpenDrive {
     ) -> Result<Arc<ClipDir>> {
         let open = |frames: Vec<usize>| {
             let needed = Needed { frames: Some(frames), cameras: cameras.map(<[String]>::to_vec) };
-            importers::open_part(&drive.path, &needed).map(Arc::new)
+            importers::open_scene(&drive.path, drive.scene.as_deref(), &needed).map(Arc::new)
         };
         if self.name != drive.name {
             let mut frames: Vec<usize> = all.iter().flat_map(Snippet::frames).collect();

@@ -1,5 +1,7 @@
 //! The page for people: the table beside the paper's, the means, the worst and the best snippets to look at, every snippet.
 
+use std::collections::BTreeSet;
+
 use base64::{Engine, engine::general_purpose::STANDARD};
 use lgs_engine::report::PictureKind;
 use lgs_formats::jobs::FailedItem;
@@ -199,6 +201,11 @@ fn settings(findings: &Findings) -> String {
     lines.extend(memory.reduce(f64::max).map(|mb| ["peak memory".to_owned(), format!("{mb:.0} MB")]));
     let threads = findings.snippets.iter().find_map(|found| found.times.as_ref().map(|times| times.threads));
     lines.extend(threads.map(|threads| ["work".to_owned(), count(threads, "thread")]));
+    let drawn_on = findings.snippets.iter().filter_map(|found| found.times.as_ref()).flat_map(|times| &times.drawn_on);
+    let devices: BTreeSet<&str> = drawn_on.clone().map(|drawn_on| drawn_on.device.as_str()).collect();
+    lines.extend(devices.iter().map(|device| ["drawn on".to_owned(), (*device).to_owned()]));
+    let refused: BTreeSet<&String> = drawn_on.flat_map(|drawn_on| &drawn_on.refused).collect();
+    lines.extend(refused.into_iter().map(|reason| ["drawn by the CPU since".to_owned(), reason.clone()]));
     let row = |[name, value]: &[String; 2]| {
         format!("<tr><th>{}</th><td class=\"reason\">{}</td></tr>\n", escape(name), escape(value))
     };

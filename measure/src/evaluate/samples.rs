@@ -1,6 +1,6 @@
 //! Made findings, for tests.
 
-use lgs_engine::{evaluate::ViewFigures, pipeline::GaussianCounts};
+use lgs_engine::{evaluate::ViewFigures, pipeline::GaussianCounts, render::DrawnOn};
 use serde_json::Map;
 
 use super::{
@@ -33,6 +33,7 @@ pub(super) fn findings(protocol: &Protocol, records: Vec<SnippetRecord>) -> Find
             evaluate_s: 0.25,
             peak_rss_mb: None,
             threads: 2,
+            drawn_on: vec![DrawnOn { device: "CPU".to_owned(), refused: Vec::new() }],
         };
         Found { item: format!("{}-{index:05}", record.log), record, times: Some(times) }
     };

@@ -112,6 +112,7 @@ impl Evaluator<'_> {
             evaluate_s: start.elapsed().as_secs_f64(),
             peak_rss_mb: allocator::peak_rss_mb(),
             threads: self.threads,
+            drawn_on: self.recipes.iter().map(|named| named.recipe.device().drawn_on()).collect(),
         };
         let record = serde_json::to_value(record).map_err(|source| MeasureError::Json { what: "snippet", source })?;
         Ok((Made { record, files }, times))

@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use lgs_engine::render::DrawnOn;
 use lgs_formats::{error::FormatError, jobs};
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,9 @@ pub struct SnippetTimes {
     pub peak_rss_mb: Option<f64>,
     /// Threads that worked.
     pub threads: usize,
+    /// Where views were drawn while each recipe made its scene, and why not where that was asked for.
+    #[serde(default)]
+    pub drawn_on: Vec<DrawnOn>,
 }
 
 fn file(out: &Path, item: &str) -> PathBuf {

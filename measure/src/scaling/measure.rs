@@ -143,11 +143,8 @@ impl Bench<'_> {
         let stages = Stage::ALL.into_iter().filter_map(|stage| Some((Part::of(stage)?, times.get(stage))));
         seconds.extend(stages.filter(|(_, seconds)| *seconds > 0.0));
         if let Some(parts) = times.refine.filter(|_| self.model.is_some()) {
-            seconds.extend([
-                (Part::RefineRender, parts.render),
-                (Part::RefineLoss, parts.loss),
-                (Part::RefineNetwork, parts.network),
-            ]);
+            seconds.extend([(Part::RefineRender, parts.render), (Part::RefineNetwork, parts.network)]);
+            seconds.extend(parts.loss_alone().map(|loss| (Part::RefineLoss, loss)));
         }
         seconds.insert(Part::Total, total);
         let refine = made.network.map(|network| network.refine);

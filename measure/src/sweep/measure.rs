@@ -39,8 +39,8 @@ pub struct Bench<'a> {
 pub struct Cost {
     /// Seconds of all of it.
     pub seconds: f64,
-    /// Seconds of each stage, under its name in `metrics.json`.
-    pub stages: BTreeMap<String, f64>,
+    /// Seconds of each stage, under its name in `metrics.json`; `None` for what is not known.
+    pub stages: BTreeMap<String, Option<f64>>,
 }
 
 /// How many Gaussians a configuration started with, changed and ended with.
@@ -142,16 +142,10 @@ impl Bench<'_> {
     fn pass(&self, run: &Run, show: &mut dyn FnMut(&Reconstruction, &StageTimes)) -> Result<()> {
         let Some(last) = run.settings.last() else { return Ok(()) };
         let (model, seed) = (self.model(run, last)?, self.seed);
-        let is_mark = |steps: usize| run.settings.iter().any(|setting| setting.recipe.adam_steps == steps);
-        let (mut watch, mut done) = (Watch::new(&Silent), 0);
-        let mut mark = |made: &Reconstruction, times: &StageTimes| {
-            if is_mark(done) {
-                show(made, times);
-            }
-            done += 1;
-        };
+        let marks: Vec<usize> = run.settings.iter().map(|setting| setting.recipe.adam_steps).collect();
+        let mut watch = Watch::new(&Silent);
         let whole = pipeline::Run { recipe: last.recipe, model, seed, deadline: None };
-        begin(self.inputs, &mut watch)?.run(&whole, &mut watch, &mut mark)?;
+        begin(self.inputs, &mut watch)?.run(&whole, &mut watch, &marks, show)?;
         Ok(())
     }
 
@@ -163,7 +157,7 @@ impl Bench<'_> {
     }
 }
 
-fn by_name(times: &StageTimes) -> Result<BTreeMap<String, f64>> {
+fn by_name(times: &StageTimes) -> Result<BTreeMap<String, Option<f64>>> {
     let read = || serde_json::from_value(serde_json::to_value(times)?);
     read().map_err(|source| MeasureError::Json { what: "times of stages", source })
 }

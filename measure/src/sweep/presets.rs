@@ -67,7 +67,7 @@ fn measured(setting: &Setting, records: &[ClipRecord]) -> Option<MeasuredRecipe>
 
 fn clip(record: &ClipRecord) -> Option<RecordedClip> {
     let begin =
-        record.points.iter().flat_map(|point| &point.repeats).filter_map(|repeat| repeat.cost.stages.get("points"));
+        record.points.iter().flat_map(|point| &point.repeats).filter_map(|repeat| *repeat.cost.stages.get("points")?);
     Some(RecordedClip {
         name: record.clip.clone(),
         work: ClipWork {
@@ -75,7 +75,7 @@ fn clip(record: &ClipRecord) -> Option<RecordedClip> {
             pixels: record.work.input_pixels,
             views: record.work.input_views,
         },
-        begin_s: Quartiles::of(begin.copied())?.median,
+        begin_s: Quartiles::of(begin)?.median,
     })
 }
 

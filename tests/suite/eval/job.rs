@@ -24,6 +24,8 @@ pub(crate) fn cases() -> Vec<Trial> {
         case_if(&slurm(), "eval::job::an_array_under_slurm", under_slurm),
         case("eval::job::failed_snippets_are_listed_and_the_others_are_none_the_worse", failures),
         case("eval::job::foreign_layouts_and_the_protocol_of_waymo", foreign),
+        case("eval::job::scenes_of_a_release_are_drives", scenes_of_a_release),
+        case("eval::job::a_drive_without_snippets_has_an_item_of_its_own", item_of_its_own),
         case("eval::job::presets_are_evaluated_on_every_snippet", presets),
         case("eval::job::scenes_of_a_whole_log_need_no_targets", scenes_alone),
         case("eval::job::refusals", refusals),
@@ -223,6 +225,83 @@ fn foreign() -> Outcome {
         Ok(())
     } else {
         Err(format!("{snippet} {images}\n{}", finished.stdout).into())
+    }
+}
+
+/// A release of two scenes, which are the same but for their names.
+fn scenes_of_a_release() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let release = place.path().join("release");
+    copy_tree(&places::repository().join("tests/fixtures/nuscenes"), &release)?;
+    let small = [SMALL.as_slice(), &["--out", "one"]].concat();
+    eval(place.path(), &[&["release"], small.as_slice()].concat())?.expect_success()?;
+    let double = |table: &str, keys: &[&str]| -> Outcome {
+        let file = release.join("v1.0-mini").join(table);
+        let mut rows: Vec<Value> = serde_json::from_str(&fs::read_to_string(&file)?)?;
+        let more: Vec<Value> = rows.iter().map(|row| again(row, keys)).collect();
+        rows.extend(more);
+        Ok(fs::write(&file, serde_json::to_string(&rows)?)?)
+    };
+    double("scene.json", &["token", "name"])?;
+    double("sample.json", &["token", "scene_token", "prev", "next"])?;
+    double("sample_data.json", &["token", "sample_token", "prev", "next"])?;
+    double("sample_annotation.json", &["token", "sample_token", "prev", "next", "instance_token"])?;
+    double("instance.json", &["token"])?;
+    eval(place.path(), &[&["release"], SMALL.as_slice(), &["--out", "both"]].concat())?.expect_success()?;
+    let (one, both) = (evaluation(&place.path().join("one"))?, evaluation(&place.path().join("both"))?);
+    let snippets = both["snippets"].as_array().cloned().unwrap_or_default();
+    let of = |log: &str| -> Vec<Value> {
+        snippets.iter().filter(|snippet| snippet["log"] == log).map(|snippet| snippet["runs"].clone()).collect()
+    };
+    let (first, second) = (of("scene-0001"), of("scene-0001b"));
+    if first.is_empty() || first != second || one["means"][0]["image"] != both["means"][0]["image"] {
+        return Err(format!("{} snippets: {} and {}", snippets.len(), first.len(), second.len()).into());
+    }
+    let some = ["release", "--logs", "scene-0001b", "--out", "some"];
+    eval(place.path(), &[some.as_slice(), &SMALL].concat())?.expect_success()?;
+    let none = ["release", "--logs", "scene-0007", "--out", "none"];
+    eval(place.path(), &[none.as_slice(), &SMALL].concat())?.expect_one_line_at_the_end(&["--logs", "2 drives"])
+}
+
+/// A row with another value of some keys that have one.
+fn again(row: &Value, keys: &[&str]) -> Value {
+    let mut row = row.clone();
+    for key in keys {
+        if let Some(value) = row[*key].as_str().filter(|value| !value.is_empty()).map(|value| format!("{value}b")) {
+            row[*key] = value.into();
+        }
+    }
+    row
+}
+
+fn copy_tree(from: &Path, to: &Path) -> Outcome {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_tree(&entry.path(), &target)?;
+        } else {
+            fs::copy(entry.path(), &target)?;
+        }
+    }
+    Ok(())
+}
+
+/// A drive that cannot be opened, and whose name a snippet of another drive has too.
+fn item_of_its_own() -> Outcome {
+    let place = tempfile::tempdir()?;
+    clips::short(&place.path().join("good"), 5)?;
+    fs::create_dir(place.path().join("good-00000"))?;
+    fs::write(place.path().join("good-00000/clip.json"), "{}")?;
+    fs::write(place.path().join("list"), "good\ngood-00000\n")?;
+    let finished = eval(place.path(), &[&["list"], SMALL.as_slice(), &["--out", "out"]].concat())?;
+    let found = evaluation(&place.path().join("out"))?;
+    let failed = &found["failed"][0]["item"];
+    if finished.code == Some(1) && failed == "good-00000~" && found["counts"]["snippets"] == 3 {
+        Ok(())
+    } else {
+        Err(format!("{}, failed {failed}: {}", found["counts"], finished.stderr).into())
     }
 }
 

@@ -23,6 +23,12 @@ pub(super) const CASES: &[Case] = &[
     ("small_and_ignored_images_have_the_cpus_loss", small_and_ignored_images_have_the_cpus_loss),
     ("steps_after_a_loss_are_the_cpus", steps_after_a_loss_are_the_cpus),
     ("lengths_of_steps_are_the_cpus", lengths_of_steps_are_the_cpus),
+    ("steps_of_adam_are_those_of_its_formula", steps_of_adam_are_those_of_its_formula),
+    (
+        "steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do",
+        steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do,
+    ),
+    ("steps_that_fit_no_more_are_the_cpus", steps_that_fit_no_more_are_the_cpus),
 ];
 
 const LOOK: Look = Look { num: 600, width: 101, height: 70, opacities: [0.2, 0.9] };
@@ -143,28 +149,130 @@ fn small_and_ignored_images_have_the_cpus_loss() -> Outcome {
     compare(&set, &views)
 }
 
-/// The GPU stops between two steps of an optimisation, which goes on from where it was.
+/// The GPU stops between two steps of an optimisation, which goes on from where it was: whether the scene was read after every step or stayed there.
 fn steps_after_a_loss_are_the_cpus() -> Outcome {
     let (set, views) = scene(Look { num: 200, ..LOOK });
     let views = [&views[0], &views[1]];
-    let gpu = open_limited(adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index, u64::MAX)?;
-    let run = |device: Device| {
-        let (mut set, mut adam) =
-            (set.clone(), Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() }));
-        for step in 0..4 {
-            if step == 2 && device != Device::Cpu {
-                gpu.stop();
+    let index = adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index;
+    for stays in [false, true] {
+        let gpu = open_limited(index, u64::MAX)?;
+        let run = |device: Device| {
+            let (mut set, mut adam) =
+                (set.clone(), Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() }));
+            for step in 0..4 {
+                if step == 2 && device != Device::Cpu {
+                    gpu.stop();
+                }
+                if stays {
+                    adam.step_ahead(&mut set, &views)
+                } else {
+                    adam.step(&mut set, &views)
+                };
             }
-            adam.step(&mut set, &views);
+            adam.settle(&mut set, &views);
+            (set, adam.into_summary().losses)
+        };
+        let ((got_set, got), (want_set, want)) = (run(Device::Gpu(gpu)), run(Device::Cpu));
+        if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-4 * want) || got[3] >= got[0] {
+            return Err(format!("losses {got:?}, by the CPU alone {want:?}").into());
         }
-        adam.into_summary().losses
-    };
-    let (got, want) = (run(Device::Gpu(gpu)), run(Device::Cpu));
-    if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-4 * want) || got[3] >= got[0] {
-        return Err(format!("losses {got:?}, by the CPU alone {want:?}").into());
+        // What stayed there was lost, and done again here.
+        if stays && got_set != want_set {
+            return Err("another scene than the CPU's".into());
+        }
+        let refused = Device::Gpu(gpu).drawn_on().refused;
+        if refused.len() != 1 {
+            return Err(format!("reasons: {refused:?}").into());
+        }
     }
-    let refused = Device::Gpu(gpu).drawn_on().refused;
-    if refused.len() == 1 { Ok(()) } else { Err(format!("reasons: {refused:?}").into()) }
+    Ok(())
+}
+
+/// Values of a scene's Gaussian: 14 parameters and its velocity.
+fn values(set: &GaussianSet, i: usize) -> Vec<f64> {
+    set.attributes[i].iter().chain(&set.velocities[i]).map(|&value| f64::from(value)).collect()
+}
+
+/// Adam's formula in f64 with the gradients that the GPU finds, beside the steps that are made there.
+fn steps_of_adam_are_those_of_its_formula() -> Outcome {
+    let (mut set, views) = scene(LOOK);
+    let (views, device) = ([&views[0], &views[1]], on_gpu()?);
+    let mut adam = Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() });
+    let rates = [[8e-3; 3].as_slice(), &[1e-3; 4], &[0.1; 4], &[1e-2; 3], &[2e-2; 3]].concat();
+    let mut moments = vec![[[0.0_f64; 2]; 17]; set.len()];
+    for step in 1..=4 {
+        let wanted = Wanted { gradient: true, device, ..Wanted::default() };
+        let gradient = objective_with(&set, &views, &LossWeights::default(), wanted).gradient;
+        let before = set.clone();
+        adam.step(&mut set, &views);
+        let (mut got, mut want) = (Vec::new(), Vec::new());
+        for (i, moments) in moments.iter_mut().enumerate() {
+            let slopes = gradient.attributes[i].iter().chain(&gradient.velocities[i]);
+            let (old, new) = (values(&before, i), values(&set, i));
+            for (k, &slope) in slopes.enumerate() {
+                let [first, second] = &mut moments[k];
+                *first = 0.9 * *first + 0.1 * f64::from(slope);
+                *second = 0.999 * *second + 0.001 * f64::from(slope).powi(2);
+                let unbiased = [*first / (1.0 - 0.9_f64.powi(step)), *second / (1.0 - 0.999_f64.powi(step))];
+                let length =
+                    if unbiased[1] > 0.0 { rates[k] * unbiased[0] / (unbiased[1].sqrt() + 1e-15) } else { 0.0 };
+                got.push((new[k] - old[k]) / rates[k]);
+                // A value has so many digits, and a step that is taken from it no more.
+                want.push((f64::from(narrow(old[k] - length)) - old[k]) / rates[k]);
+            }
+        }
+        lgs_tests::compare::close_l2(&format!("step {step}"), &got, &want, 1e-5, 0.0)?;
+    }
+    Ok(())
+}
+
+fn optimised(set: &GaussianSet, views: &[View; 2], device: Device, steps: usize) -> (GaussianSet, Vec<f64>) {
+    let (mut set, views) = (set.clone(), [&views[0], &views[1]]);
+    let mut adam = Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() });
+    (0..steps).for_each(|_| {
+        adam.step_ahead(&mut set, &views);
+    });
+    adam.settle(&mut set, &views);
+    (set, adam.into_summary().losses)
+}
+
+fn steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do() -> Outcome {
+    let (set, views) = scene(LOOK);
+    let runs: Vec<_> =
+        (0..5).map(|_| Ok(optimised(&set, &views, on_gpu()?, 10))).collect::<Result<_, libtest_mimic::Failed>>()?;
+    for (other, losses) in &runs[1..] {
+        same_bits("parameters", other.attributes.as_flattened(), runs[0].0.attributes.as_flattened())?;
+        same_bits("velocities", other.velocities.as_flattened(), runs[0].0.velocities.as_flattened())?;
+        if losses.iter().zip(&runs[0].1).any(|(a, b)| a.to_bits() != b.to_bits()) {
+            return Err(format!("losses {losses:?} and {:?}", runs[0].1).into());
+        }
+    }
+    let (got, (_, want)) = (&runs[0].1, optimised(&set, &views, Device::Cpu, 10));
+    if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-5 * want) || want[9] > 0.95 * want[0] {
+        return Err(format!("losses {got:?}, by the CPU {want:?}").into());
+    }
+    Ok(())
+}
+
+/// Where the GPU may hold too little for what Adam keeps there, or for any view, steps end where they would, and it says why.
+fn steps_that_fit_no_more_are_the_cpus() -> Outcome {
+    let (set, views) = scene(LOOK);
+    let index = adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index;
+    let whole = optimised(&set, &views, Device::Gpu(open_limited(index, u64::MAX)?), 3);
+    let by_cpu = optimised(&set, &views, Device::Cpu, 3);
+    for (bytes, want, refuses) in [(100_000, &by_cpu, true), (64_000_000, &whole, false)] {
+        let gpu = open_limited(index, u64::MAX)?;
+        gpu.limit_memory(bytes);
+        let got = optimised(&set, &views, Device::Gpu(gpu), 3);
+        let refused = Device::Gpu(gpu).drawn_on().refused;
+        if &got != want || refused.is_empty() == refuses {
+            return Err(format!("{bytes} bytes: losses {:?} and {:?}, refused {refused:?}", got.1, want.1).into());
+        }
+        if refused.iter().any(|reason| !reason.contains("coarseness")) {
+            return Err(format!("{refused:?} say not what to lower").into());
+        }
+    }
+    Ok(())
 }
 
 fn lengths_of_steps_are_the_cpus() -> Outcome {

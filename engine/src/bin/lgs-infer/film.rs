@@ -72,7 +72,7 @@ impl Film {
         };
         check_size(&lens)?;
         let views = path_views(&keys, &lens, frame, args.at_time);
-        let device = args.recipe.of(Recipe::default()).device.opened();
+        let device = args.recipe.of(Recipe::default()).device();
         Ok(Some(Self { views, rate: args.path_fps.unwrap_or(RATE), device }))
     }
 

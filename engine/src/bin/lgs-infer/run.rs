@@ -88,7 +88,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     let model = model.filter(|_| plan.recipe.network);
     let run = plan.run(model.as_ref().map(|loaded| &loaded.model), args.seed);
-    let reconstruction = begun.run(&run, &mut watch, &mut |_, _| ())?;
+    let reconstruction = begun.run(&run, &mut watch, &[], &mut |_, _| ())?;
     plan.spent(&reconstruction, start);
     let shown = run_of.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
@@ -102,7 +102,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         budget: plan.budget,
         weights: model.map(|loaded| loaded.digest),
         threads,
-        drawn_on: plan.recipe.device.opened().drawn_on(),
+        drawn_on: plan.recipe.device().drawn_on(),
         seed: args.seed,
         gaussians: reconstruction.counts,
         moving: MovingShares::of(&reconstruction.scene),
@@ -229,7 +229,7 @@ impl OpenedRun<'_> {
             Ok((record, pictures_of(drawn, figures, width)?))
         };
         let (scene, scores) = (to_physical(scene), density.map(DensityMap::splats));
-        let device = self.args.recipe.of(Recipe::default()).device.opened();
+        let device = self.args.recipe.of(Recipe::default()).device();
         let drawing = Drawing { scene: &scene, scores: scores.as_deref(), device };
         evaluate_views(drawing, &views, figures, watch, &keep)
     }

@@ -12,7 +12,7 @@ use super::map::LossCounts;
 use super::residual::DEPTH;
 use super::ssim::forward::{C1, C2};
 use super::ssim::window::{WINDOW, window};
-use super::{LossTerms, LossWeights};
+use super::{Kept, LossTerms, LossWeights};
 use crate::render::gpu::{Drawn, GpuError, Kernel, Work, groups_over, single};
 use crate::views::View;
 
@@ -99,13 +99,18 @@ impl LossSums {
         Ok(Self { similarities, errors, weights: *weights, views })
     }
 
-    /// The truth of the view of a number.
+    /// The truth of the view of a number: one that is kept, where it is.
     ///
     /// # Errors
     /// Where the GPU has not so much room.
-    pub(crate) fn truth(&self, work: &mut Work<'_>, number: usize, view: &View) -> Result<Truth, GpuError> {
+    pub(crate) fn truth<'v>(
+        &self,
+        work: &mut Work<'_>,
+        (number, view): (usize, &'v View),
+        kept: &mut Kept<'v>,
+    ) -> Result<Truth, GpuError> {
         let of = self.views[number];
-        let pixels = work.upload("truth", &packed(view))?;
+        let pixels = kept.truth(work, view)?;
         let size = [view.pinhole.width, view.pinhole.height].map(to_u32);
         let over = |weight: f32, count: usize| if count == 0 { 0.0 } else { weight / count as f32 };
         let pair = Pair {
@@ -210,7 +215,7 @@ fn pixel_gradients(work: &mut Work<'_>, truth: &Truth) -> Result<Buffer, GpuErro
 }
 
 /// `[H, W, 4]` true colours; `LiDAR` depth, 0 where there is none, -1 where the pixel is ignored.
-fn packed(view: &View) -> Vec<[f32; 4]> {
+pub(super) fn packed(view: &View) -> Vec<[f32; 4]> {
     let mut pixels: Vec<[f32; 4]> =
         view.image.data.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
     view.depth_samples.iter().for_each(|sample| pixels[sample.pixel as usize][3] = sample.depth);

@@ -1,30 +1,36 @@
 //! What the images ask of steps, on a GPU.
 
 use crate::gaussians::physical::Splat;
-use crate::loss::{LossWeights, gpu};
+use crate::loss::{Kept, LossWeights, gpu};
 use crate::objective::BEHIND;
-use crate::render::gpu::{Gpu, GpuError};
+use crate::render::gpu::{Gpu, GpuError, MAPPED};
 use crate::views::View;
 
 /// `[N]` sums over the views of what is wanted of a step times what it does, and of the square of the latter, under the weights of every Gaussian.
 ///
 /// # Errors
 /// Where a view does not fit, or the GPU has stopped.
-pub(super) fn agreements(
+pub(super) fn agreements<'v>(
     gpu: &Gpu,
     before: &[Vec<f32>],
     splats: &[Splat],
-    views: &[&View],
+    views: &[&'v View],
+    kept: &mut Kept<'v>,
 ) -> Result<Vec<[f64; 2]>, GpuError> {
     let mut work = gpu.work()?;
     let scene = work.load(splats)?;
     let sums = gpu::LossSums::new(&mut work, views, &LossWeights::default())?;
     for (number, (before, view)) in before.iter().zip(views).enumerate() {
         let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
-        let truth = sums.truth(&mut work, number, view)?;
+        let truth = sums.truth(&mut work, (number, view), kept)?;
         let maps = gpu::agreement(&mut work, &truth, &drawn, before)?;
         work.add_backward(&scene, &drawn, &maps, &scene.gradients, 1.0)?;
     }
-    let rows = work.read_rows(&scene.gradients, splats.len())?;
-    Ok(rows.iter().map(|row| row.mapped.map(f64::from)).collect())
+    let seen = work.seen(&scene)?;
+    let rows = work.gather(&seen, &scene.gradients, MAPPED..MAPPED + 2)?;
+    let mut sums = vec![[0.0; 2]; splats.len()];
+    for (&i, row) in seen.indices.iter().zip(rows.as_chunks::<2>().0) {
+        sums[i as usize] = row.map(f64::from);
+    }
+    Ok(sums)
 }

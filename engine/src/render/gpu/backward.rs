@@ -20,6 +20,7 @@ const BACK: &[&str] = &[PROJECTION, include_str!("project_backward.wgsl")];
 const SUM_TILES: Kernel = Kernel::new("sum_tiles", BACK);
 const PROJECT_BACK: Kernel = Kernel::new("project_back", BACK);
 
+const SUMS_NAME: &str = "sums of intersections";
 /// Bytes of an intersection's sums.
 const SUMS_BYTES: u64 = (SUMS * size_of::<f32>()) as u64;
 
@@ -79,10 +80,10 @@ impl Work<'_> {
         if drawn.num_intersections == 0 {
             return Ok(());
         }
-        let most = self.most_bytes() / SUMS_BYTES;
+        let most = self.most_bytes(SUMS_NAME) / SUMS_BYTES;
         let batches = self.batches(drawn, u32::try_from(most).unwrap_or(u32::MAX))?;
         let room = batches.iter().map(|batch| batch.places.len()).max().unwrap_or(0);
-        let sums = self.buffer::<[f32; SUMS]>("sums of intersections", room)?;
+        let sums = self.buffer::<[f32; SUMS]>(SUMS_NAME, room)?;
         let totals = self.buffer::<[f32; SUMS]>("sums of Gaussians", drawn.num_visible as usize)?;
         let lists = &drawn.lists;
         let over_visible = groups_over(drawn.num_visible);
@@ -140,7 +141,7 @@ impl Work<'_> {
         runs(&first, most).ok_or_else(|| GpuError::TooLarge {
             what: "sums of a tile",
             need: u64::from(drawn.num_intersections) * SUMS_BYTES,
-            limit: self.most_bytes(),
+            limit: self.most_bytes(SUMS_NAME),
         })
     }
 
@@ -168,22 +169,27 @@ impl Work<'_> {
     ///
     /// # Errors
     /// [`GpuError::Lost`] where the GPU has stopped.
-    pub(crate) fn read_rows(&mut self, rows: &Buffer, len: usize) -> Result<Vec<Row>, GpuError> {
+    pub(super) fn read_rows(&mut self, rows: &Buffer, len: usize) -> Result<Vec<Row>, GpuError> {
         Ok(self.read::<[f32; ROW]>(rows, 0, len)?.par_iter().map(Row::of).collect())
     }
 }
 
 impl Row {
     fn of(row: &[f32; ROW]) -> Self {
-        let gradient = SplatGradient {
+        let gradient = row.first_chunk().map(Self::gradient_of).unwrap_or_default();
+        Self { gradient, mapped: [row[MAPPED], row[MAPPED + 1]], is_seen: row[SEEN] > 0.0 }
+    }
+
+    /// The gradient that the first numbers of a row are.
+    pub(crate) fn gradient_of(row: &[f32; MAPPED]) -> SplatGradient {
+        SplatGradient {
             mean: std::array::from_fn(|k| row[k]),
             quat: std::array::from_fn(|k| row[3 + k]),
             scale: std::array::from_fn(|k| row[7 + k]),
             opacity: row[10],
             colour: std::array::from_fn(|k| row[11 + k]),
             velocity: std::array::from_fn(|k| row[14 + k]),
-        };
-        Self { gradient, mapped: [row[MAPPED], row[MAPPED + 1]], is_seen: row[SEEN] > 0.0 }
+        }
     }
 }
 

@@ -6,7 +6,11 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::task::{Context, Poll, Waker};
 
+use super::memory::Memory;
 use super::room::Room;
+
+/// Share of the memory that the driver offers that may be taken, percent.
+const MOST_OF_MEMORY: u8 = 95;
 
 /// Why something was not done on a GPU.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -19,6 +23,18 @@ pub enum GpuError {
         /// Bytes that it takes.
         need: u64,
         /// Bytes that one piece of the GPU's memory may have.
+        limit: u64,
+    },
+    /// It does not fit beside what the GPU holds already.
+    #[error("{what} would take {} MB where {} MB are left of the {} MB that the GPU may hold: a smaller image size or a larger coarseness takes less", .need.div_ceil(1_000_000), .room / 1_000_000, .limit / 1_000_000)]
+    NoRoom {
+        /// What was to be held.
+        what: &'static str,
+        /// Bytes that it takes.
+        need: u64,
+        /// Bytes that are left.
+        room: u64,
+        /// Bytes that the GPU may hold.
         limit: u64,
     },
     /// It stopped, or its memory ran out.
@@ -51,6 +67,7 @@ pub struct Gpu {
     pub(super) queue: wgpu::Queue,
     /// Bytes that one buffer may have.
     pub(super) most_bytes: u64,
+    pub(super) memory: Memory,
     /// Buffers and kernels; whoever draws holds it.
     pub(super) room: Mutex<Room>,
     pub(super) failure: Arc<Mutex<Option<String>>>,
@@ -61,6 +78,11 @@ impl Gpu {
     /// What it is.
     pub const fn adapter(&self) -> &Adapter {
         &self.adapter
+    }
+
+    /// Lets it hold so many bytes, and no more; what it holds already stays.
+    pub fn limit_memory(&self, bytes: u64) {
+        self.memory.set_limit(bytes);
     }
 
     /// Why work that it was asked for was done by the processor, each reason once.
@@ -175,6 +197,7 @@ fn opened_gpu(index: usize, adapter: &wgpu::Adapter) -> Result<Gpu, GpuError> {
         queue,
         room: Mutex::new(Room::default()),
         failure,
+        memory: Memory::default(),
         refusals: Mutex::new(Vec::new()),
     })
 }
@@ -191,7 +214,11 @@ fn found() -> &'static [wgpu::Adapter] {
 
 fn look() -> Vec<wgpu::Adapter> {
     let backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
-    let descriptor = wgpu::InstanceDescriptor { backends, ..wgpu::InstanceDescriptor::new_without_display_handle() };
+    // Where the driver tells how much memory is free, what would take nearly all of it is refused before the system suffers.
+    let memory_budget_thresholds =
+        wgpu::MemoryBudgetThresholds { for_resource_creation: Some(MOST_OF_MEMORY), for_device_loss: None };
+    let plain = wgpu::InstanceDescriptor::new_without_display_handle();
+    let descriptor = wgpu::InstanceDescriptor { backends, memory_budget_thresholds, ..plain };
     ready(wgpu::Instance::new(descriptor).enumerate_adapters(backends))
 }
 

@@ -10,7 +10,9 @@
 mod backward;
 mod device;
 mod forward;
+mod gather;
 mod kernels;
+mod memory;
 mod project;
 mod room;
 mod sort;
@@ -23,9 +25,12 @@ use super::{ImageGradient, Rendered};
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
+pub(crate) use backward::Row;
 pub use device::{Adapter, Gpu, GpuError, adapters, open, open_limited, open_real};
 pub(crate) use forward::Drawn;
-pub(crate) use kernels::{Kernel, single};
+pub(crate) use kernels::{Kernel, MAPPED, count, single};
+pub(crate) use memory::Owned;
+pub(crate) use project::SceneBuffers;
 pub(crate) use work::{Work, groups_over};
 
 /// As [`render`](super::render), on a GPU.

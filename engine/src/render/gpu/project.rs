@@ -30,8 +30,10 @@ const FOOTPRINT: usize = 4;
 /// A scene on the GPU, with the rows that its gradients are summed in.
 #[derive(Clone, Debug)]
 pub(crate) struct SceneBuffers {
-    pub(super) shapes: Buffer,
-    pub(super) looks: Buffer,
+    /// `[N, 3, 4]`: mean and time, quaternion, scale and opacity.
+    pub(crate) shapes: Buffer,
+    /// `[N, 2, 4]`: colour, velocity.
+    pub(crate) looks: Buffer,
     /// `[N, ROW]`.
     pub(crate) gradients: Buffer,
     /// Gaussians.
@@ -124,6 +126,19 @@ impl Work<'_> {
         let (shapes, looks) = (self.upload("shapes", &shapes)?, self.upload("looks", &looks)?);
         let gradients = self.rows("gradients", splats.len())?;
         Ok(SceneBuffers { shapes, looks, gradients, len: splats.len() })
+    }
+
+    /// Room for a scene whose Gaussians a kernel makes, their rows of gradients zero.
+    ///
+    /// # Errors
+    /// As [`Work::buffer`].
+    pub(crate) fn scene(&mut self, len: usize) -> Result<SceneBuffers, GpuError> {
+        Ok(SceneBuffers {
+            shapes: self.buffer::<[[f32; 4]; SHAPE]>("shapes", len)?,
+            looks: self.buffer::<[[f32; 4]; LOOK]>("looks", len)?,
+            gradients: self.rows("gradients", len)?,
+            len,
+        })
     }
 
     /// Rows of gradients of `len` Gaussians, zero.

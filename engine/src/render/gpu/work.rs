@@ -7,6 +7,7 @@ use wgpu::{Buffer, BufferUsages, ComputePipeline};
 
 use super::device::{Gpu, GpuError};
 use super::kernels::Kernel;
+use super::memory::Owned;
 use super::room::Room;
 
 /// Groups in one dimension, at most.
@@ -38,15 +39,16 @@ impl Gpu {
 }
 
 impl Work<'_> {
-    /// Bytes that a buffer may have.
-    pub(crate) const fn most_bytes(&self) -> u64 {
-        self.gpu.most_bytes
+    /// Bytes that the buffer of a name may have.
+    pub(crate) fn most_bytes(&self, name: &str) -> u64 {
+        let own = self.room.buffers.get(name).map_or(0, Buffer::size);
+        self.gpu.most_bytes.min(self.gpu.memory.room().saturating_add(own))
     }
 
     /// The buffer of a name, with room for `len` elements of `T`; what it holds is undefined.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] where the GPU has no buffer so large.
+    /// [`GpuError::TooLarge`] where the GPU has no buffer so large, [`GpuError::NoRoom`] where it may not hold so much.
     pub(crate) fn buffer<T>(&mut self, name: &'static str, len: usize) -> Result<Buffer, GpuError> {
         let need = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64).next_multiple_of(16);
         let limit = self.gpu.most_bytes;
@@ -57,7 +59,53 @@ impl Work<'_> {
             return Ok(buffer.clone());
         }
         // Some more than asked for, so that a view that shows a little more needs no new one.
-        let size = (need + need / 8).next_multiple_of(16).min(limit / 16 * 16);
+        let freed = self.room.buffers.get(name).map_or(0, Buffer::size);
+        self.gpu.memory.check(name, need, freed)?;
+        let most = self.most_bytes(name);
+        let size = (need + need / 8).next_multiple_of(16).min(most / 16 * 16).max(need);
+        let buffer = self.create(name, size)?;
+        self.gpu.memory.count(size, freed);
+        self.room.buffers.insert(name, buffer.clone());
+        Ok(buffer)
+    }
+
+    /// A buffer of its own with these elements, which is kept as long as it lives.
+    ///
+    /// # Errors
+    /// As [`Work::buffer`].
+    pub(crate) fn own<T: NoUninit>(&mut self, name: &'static str, values: &[T]) -> Result<Owned, GpuError> {
+        let need = (values.len().max(1) as u64).saturating_mul(size_of::<T>() as u64).next_multiple_of(16);
+        let limit = self.gpu.most_bytes;
+        if need > limit {
+            return Err(GpuError::TooLarge { what: name, need, limit });
+        }
+        self.gpu.memory.check(name, need, 0)?;
+        let owned = self.gpu.memory.own(self.create(name, need)?);
+        self.submit();
+        self.gpu.queue.write_buffer(owned.buffer(), 0, bytemuck::cast_slice(values));
+        Ok(owned)
+    }
+
+    /// Whether a buffer was made here.
+    pub(crate) fn has(&self, owned: &Owned) -> bool {
+        owned.is_in(&self.gpu.memory)
+    }
+
+    /// Fails before anything is made where so many bytes are more than there is room for, what is made already for all works included.
+    ///
+    /// # Errors
+    /// [`GpuError::NoRoom`].
+    pub(crate) fn expect(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
+        let shared = self.room.buffers.values().map(Buffer::size).sum();
+        self.gpu.memory.check(what, bytes, shared)
+    }
+
+    /// Bytes that true images may take.
+    pub(crate) fn most_kept(&self) -> u64 {
+        self.gpu.memory.most_kept()
+    }
+
+    fn create(&self, name: &'static str, size: u64) -> Result<Buffer, GpuError> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(name),
@@ -66,7 +114,6 @@ impl Work<'_> {
             mapped_at_creation: false,
         });
         self.gpu.check()?;
-        self.room.buffers.insert(name, buffer.clone());
         Ok(buffer)
     }
 

@@ -1,6 +1,9 @@
 //! Which scene of a release is read: a root may hold the tables of several versions, such as `v1.0-mini` and `v1.0-trainval`.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use super::tables::{Scene, read_table};
 use crate::{
@@ -21,6 +24,20 @@ pub(super) struct Chosen {
 pub(super) fn versions(folder: &Path) -> Result<Vec<String>> {
     let is_tables = |name: &String| folder.join(name).join("sample_data.json").is_file();
     Ok(entries(folder, &[""])?.into_iter().filter(is_tables).collect())
+}
+
+/// Names of the scenes of a release, each once, in the order of its tables.
+///
+/// # Errors
+/// A table that cannot be read.
+pub(super) fn names(folder: &Path) -> Result<Vec<String>> {
+    let mut names: Vec<String> = Vec::new();
+    let mut known = BTreeSet::new();
+    for version in versions(folder)? {
+        let scenes = read_table(&folder.join(version).join("scene.json"), |_: &Scene| true)?;
+        names.extend(scenes.into_iter().map(|scene| scene.name).filter(|name| known.insert(name.clone())));
+    }
+    Ok(names)
 }
 
 /// The scene of a name, or the only one. Of several versions that have it, the first: they say the same of it; `VERSION/NAME` takes it
