@@ -37,8 +37,8 @@ pub fn apply(set: &GaussianSet, actions: &[Action], seed: u64) -> Result<Gaussia
 
 /// The primitive that each primitive of the `LiDAR` branch after the actions comes from: what is kept, then the copies.
 pub fn origins(actions: &[Action]) -> Vec<usize> {
-    let of = |wanted: fn(Action) -> bool| (0..actions.len()).filter(move |&i| wanted(actions[i]));
-    of(|a| a != Action::Prune).chain(of(|a| a == Action::Copy)).collect()
+    let places = |wanted: fn(Action) -> bool| (0..actions.len()).filter(move |&i| wanted(actions[i]));
+    places(|a| a != Action::Prune).chain(places(|a| a == Action::Copy)).collect()
 }
 
 /// Displacement of the copy of primitive i: the same for a seed, whatever else is copied and on any number of threads.

@@ -43,9 +43,9 @@ pub fn by_budget(scores: &Scores, thresholds: Thresholds, budget: usize) -> Resu
     Ok(actions)
 }
 
-/// The places of `of` by rank, first those to act on first.
-fn by_rank(scores: &[f32], of: &[usize]) -> Vec<usize> {
-    let (ranks, mut order) = (ranks(scores), of.to_vec());
+/// The `places` by rank, first those to act on first.
+fn by_rank(scores: &[f32], places: &[usize]) -> Vec<usize> {
+    let (ranks, mut order) = (ranks(scores), places.to_vec());
     order.sort_by(|&a, &b| ranks[b].total_cmp(&ranks[a]).then(a.cmp(&b)));
     order
 }
@@ -73,10 +73,10 @@ mod tests {
         let scores = Scores { prune: vec![0.5; 1000], add: vec![0.5; 1000] };
         for budget in [999, 700, 500, 100] {
             let actions = by_budget(&scores, Thresholds::default(), budget).unwrap();
-            let of = |part: &[Action]| part.iter().filter(|&&a| a == Action::Prune).count();
-            assert_eq!(of(&actions), 1000 - budget);
+            let pruned = |part: &[Action]| part.iter().filter(|&&a| a == Action::Prune).count();
+            assert_eq!(pruned(&actions), 1000 - budget);
             let share = (1000 - budget) / 10;
-            assert!(actions.chunks(100).all(|part| of(part).abs_diff(share) <= 2), "{budget}");
+            assert!(actions.chunks(100).all(|part| pruned(part).abs_diff(share) <= 2), "{budget}");
         }
     }
 
@@ -85,8 +85,9 @@ mod tests {
         let prune: Vec<f32> = (0..1000).map(|i| if i % 100 < 50 { 0.6 } else { 0.2 }).collect();
         let scores = Scores { add: vec![0.0; prune.len()], prune };
         let actions = by_budget(&scores, Thresholds::default(), 700).unwrap();
-        let of = |worse: bool| (0..1000).filter(|i| (i % 100 < 50) == worse && actions[*i] == Action::Prune).count();
-        let (worse, better) = (of(true), of(false));
+        let pruned =
+            |worse: bool| (0..1000).filter(|i| (i % 100 < 50) == worse && actions[*i] == Action::Prune).count();
+        let (worse, better) = (pruned(true), pruned(false));
         // Shares t and t - 1/4 of the halves go, for a mean of 3/10.
         assert!(worse.abs_diff(212) <= 5 && better.abs_diff(88) <= 5, "{worse} {better}");
     }

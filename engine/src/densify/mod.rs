@@ -79,6 +79,6 @@ pub struct UpdateCounts {
 
 /// How many prunes and copies there are.
 pub fn count(actions: &[Action]) -> UpdateCounts {
-    let of = |action| actions.iter().filter(|&&a| a == action).count();
-    UpdateCounts { pruned: of(Action::Prune), added: of(Action::Copy), background_pruned: 0 }
+    let number = |action| actions.iter().filter(|&&a| a == action).count();
+    UpdateCounts { pruned: number(Action::Prune), added: number(Action::Copy), background_pruned: 0 }
 }

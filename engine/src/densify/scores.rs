@@ -66,8 +66,8 @@ impl DensityMap {
 impl Scores {
     /// The scores at these places.
     pub(crate) fn at(&self, places: &[usize]) -> Self {
-        let of = |scores: &[f32]| places.iter().map(|&i| scores[i]).collect();
-        Self { prune: of(&self.prune), add: of(&self.add) }
+        let picked = |scores: &[f32]| places.iter().map(|&i| scores[i]).collect();
+        Self { prune: picked(&self.prune), add: picked(&self.add) }
     }
 
     /// # Errors

@@ -24,8 +24,8 @@ proptest! {
     /// of what stayed or was.
     #[test]
     fn a_budget_goes_by_rank(rows in proptest::collection::vec((0_u8..20, 0_u8..20), 0..120), budget in 0_usize..150) {
-        let of = |value: u8| f32::from(value) / 20.0;
-        let scores = Scores { prune: rows.iter().map(|r| of(r.0)).collect(), add: rows.iter().map(|r| of(r.1)).collect() };
+        let score = |value: u8| f32::from(value) / 20.0;
+        let scores = Scores { prune: rows.iter().map(|r| score(r.0)).collect(), add: rows.iter().map(|r| score(r.1)).collect() };
         let thresholds = Thresholds { prune: 0.6, add: 0.4 };
         let free = by_thresholds(&scores, thresholds).unwrap();
         let held = by_budget(&scores, thresholds, budget).unwrap();

@@ -126,11 +126,11 @@ pub fn patch_change(
 /// Sum of `1 - similarity` over the channels of the centres that are not ignored.
 fn dissimilarity(map: &SimilarityMap, view: &View) -> f64 {
     let width = map.width + 2 * REACH;
-    let of = |(i, similarity): (usize, &[f32])| {
+    let of_centre = |(i, similarity): (usize, &[f32])| {
         let pixel = (i / map.width + REACH) * width + i % map.width + REACH;
         if is_ignored(view, pixel) { 0.0 } else { similarity.iter().map(|&s| 1.0 - f64::from(s)).sum::<f64>() }
     };
-    map.values.chunks_exact(3).enumerate().map(of).sum()
+    map.values.chunks_exact(3).enumerate().map(of_centre).sum()
 }
 
 /// The colours with the truth in place of the ignored ones.

@@ -297,11 +297,6 @@ impl Knob {
         let value = text(&(self.get)(recipe)?);
         (self.always || value != self.usual).then_some(value)
     }
-
-    /// Other words that are understood, with the word that each stands for.
-    pub fn aliases(&self, word: &str) -> impl Iterator<Item = &'static str> {
-        self.aliases.iter().filter(move |(_, known)| *known == word).map(|(alias, _)| *alias)
-    }
 }
 
 /// A value as flags have it.
@@ -385,14 +380,14 @@ mod tests {
             ("device-memory", "4000"),
         ];
         for (name, value) in values {
-            let knob = KNOBS.iter().find(|knob| knob.name == name).unwrap();
-            (knob.set)(&mut other, value).unwrap();
+            other.set(name, value).unwrap();
         }
         let mut again = usual;
         for (name, value) in other.options() {
-            (KNOBS.iter().find(|knob| knob.name == name).unwrap().set)(&mut again, &value).unwrap();
+            again.set(name, &value).unwrap();
         }
         assert_eq!(again, other);
+        assert!(again.set("colour", "red").is_err_and(|said| said.contains("found colour")));
         let free = Recipe { max_gaussians: None, ..usual.with_density(Density::Exact) };
         let (name, value) = free.options().into_iter().find(|(name, _)| *name == "max-gaussians").unwrap();
         assert_eq!((name, value.as_str()), ("max-gaussians", "none"));

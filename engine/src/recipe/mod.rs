@@ -119,6 +119,15 @@ impl Recipe {
         Start { background: self.background, coarseness: self.coarseness }
     }
 
+    /// Changes the option of this name to a value.
+    ///
+    /// # Errors
+    /// What was expected instead of the value, or that there is no such option.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        let knob = KNOBS.iter().find(|knob| knob.name == name);
+        (knob.ok_or_else(|| format!("expected an option of a recipe, found {name}"))?.set)(self, value)
+    }
+
     /// The names and values of the options that ask for it, where the weights are named apart.
     pub fn options(&self) -> Vec<(&'static str, String)> {
         KNOBS.iter().filter_map(|knob| Some((knob.name, knob.option(self)?))).collect()

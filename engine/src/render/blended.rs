@@ -75,55 +75,62 @@ impl<const M: usize> WithSimd for TileSums<'_, M> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { lists, tile, stops, planes, out } = self;
         let origin = lists.grid.origin(tile);
-        let broadcast = Broadcast::new(simd);
         let planes = S::as_mut_simd_f32s(planes).0;
         let stops = S::as_simd_f32s(stops).0;
         let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
+        let mut open = OpenTile { simd, broadcast: Broadcast::new(simd), planes, stops, origin };
         for (position, (&intersection, out)) in lists.intersections_of(tile).iter().zip(out).enumerate() {
             if position as f32 >= last {
                 return;
             }
-            let footprint = &lists.footprints[intersection as usize];
-            *out = gather(simd, &broadcast, (&mut *planes, stops), footprint, &origin, position as f32);
+            *out = open.gather(&lists.footprints[intersection as usize], position as f32);
         }
     }
 }
 
-/// The sums of one Gaussian over the tile; moves the transmittance behind it.
-#[inline(always)]
-fn gather<S: Simd, const M: usize>(
+/// A tile that is walked from the front.
+struct OpenTile<'a, S: Simd> {
     simd: S,
-    broadcast: &Broadcast<S>,
-    (planes, stops): (&mut [S::f32s], &[S::f32s]),
-    f: &Footprint,
-    origin: &[usize; 2],
-    position: f32,
-) -> [f32; M] {
-    let per_plane = TILE_PIXELS / S::F32_LANES;
-    let per_row = TILE_WIDTH / S::F32_LANES;
-    let (maps, transmittance) = planes.split_at_mut(M * per_plane);
-    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    let position = simd.splat_f32s(position);
-    let mut sums = [zero; M];
-    for row in f.rows_in(origin[1]) {
-        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
-        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-            let i = row * per_row + chunk;
-            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
-            let alpha = simd.select_f32s(live, a.alpha, zero);
-            let w = simd.mul_f32s(alpha, transmittance[i]);
-            transmittance[i] = simd.mul_f32s(transmittance[i], simd.sub_f32s(one, alpha));
-            for (map, sum) in sums.iter_mut().enumerate() {
-                *sum = simd.mul_add_f32s(w, maps[map * per_plane + i], *sum);
+    broadcast: Broadcast<S>,
+    /// The maps, then the transmittance.
+    planes: &'a mut [S::f32s],
+    /// List position that ended each pixel.
+    stops: &'a [S::f32s],
+    /// Pixel (x, y) of the upper left corner.
+    origin: [usize; 2],
+}
+
+impl<S: Simd> OpenTile<'_, S> {
+    /// The sums of one Gaussian over the tile; moves the transmittance behind it.
+    #[inline(always)]
+    fn gather<const M: usize>(&mut self, f: &Footprint, position: f32) -> [f32; M] {
+        let Self { simd, ref broadcast, ref mut planes, stops, origin } = *self;
+        let per_plane = TILE_PIXELS / S::F32_LANES;
+        let per_row = TILE_WIDTH / S::F32_LANES;
+        let (maps, transmittance) = planes.split_at_mut(M * per_plane);
+        let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let position = simd.splat_f32s(position);
+        let mut sums = [zero; M];
+        for row in f.rows_in(origin[1]) {
+            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+                let i = row * per_row + chunk;
+                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+                let alpha = simd.select_f32s(live, a.alpha, zero);
+                let w = simd.mul_f32s(alpha, transmittance[i]);
+                transmittance[i] = simd.mul_f32s(transmittance[i], simd.sub_f32s(one, alpha));
+                for (map, sum) in sums.iter_mut().enumerate() {
+                    *sum = simd.mul_add_f32s(w, maps[map * per_plane + i], *sum);
+                }
             }
         }
+        let mut out = [0.0; M];
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = simd.reduce_sum_f32s(sum);
+        }
+        out
     }
-    let mut out = [0.0; M];
-    for (out, sum) in out.iter_mut().zip(sums) {
-        *out = simd.reduce_sum_f32s(sum);
-    }
-    out
 }
 
 #[cfg(test)]
@@ -152,8 +159,8 @@ mod tests {
         let got = blended_sums::<MAPS>(&state, &refs);
         assert_eq!(got.len(), state.visible().count());
         for group in 0..2 {
-            let of = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);
-            let rgb = (0..50 * 37).flat_map(|p| [of(p, 0), of(p, 1), of(p, 2)]).collect();
+            let value = |p: usize, k: usize| maps.get(3 * group + k).map_or(0.0, |m| m[p]);
+            let rgb = (0..50 * 37).flat_map(|p| [value(p, 0), value(p, 1), value(p, 2)]).collect();
             let gradient = ImageGradient { rgb, ..ImageGradient::default() };
             let want = backward(&splats, &view, &state, &gradient);
             for (i, sums) in state.visible().zip(&got) {

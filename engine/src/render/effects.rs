@@ -157,18 +157,18 @@ impl<const M: usize> WithSimd for TileEffects<'_, M> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { lists, tile, stops, planes, per, halving, out } = self;
         let origin = lists.grid.origin(tile);
-        let broadcast = Broadcast::new(simd);
         let planes = S::as_mut_simd_f32s(planes).0;
         let stops = S::as_simd_f32s(stops).0;
         let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
         let per = per.map(|cost| simd.splat_f32s(cost));
+        let mut open = OpenTile { simd, broadcast: Broadcast::new(simd), planes, stops, origin, per };
         for (position, &intersection) in lists.intersections_of(tile).iter().enumerate().rev() {
             if position as f32 >= last {
                 continue;
             }
             let halving = halving.get(intersection as usize).copied().unwrap_or_default();
             let half = Half { footprint: &lists.footprints[intersection as usize], halving };
-            out[position] = walk(simd, &broadcast, (&mut *planes, stops), &half, (&origin, per), position as f32);
+            out[position] = open.walk(&half, position as f32);
         }
     }
 }
@@ -179,91 +179,101 @@ struct Half<'a> {
     halving: [f32; 2],
 }
 
-/// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
-#[inline(always)]
-fn walk<S: Simd, const M: usize>(
+/// A tile that is walked from behind.
+struct OpenTile<'a, S: Simd> {
     simd: S,
-    broadcast: &Broadcast<S>,
-    (planes, stops): (&mut [S::f32s], &[S::f32s]),
-    half: &Half<'_>,
-    (origin, [per_colour, per_depth]): (&[usize; 2], [S::f32s; 2]),
-    position: f32,
-) -> [f32; M] {
-    let Half { footprint: f, halving } = half;
-    let per_plane = TILE_PIXELS / S::F32_LANES;
-    let per_row = TILE_WIDTH / S::F32_LANES;
-    let colour = f.colour.map(|c| simd.splat_f32s(c));
-    let depth = simd.splat_f32s(f.depth);
-    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    let (eps, most) = (simd.splat_f32s(EXPECTED_DEPTH_EPS), simd.splat_f32s(MOST_ODDS));
-    let least = simd.splat_f32s(0.5 * ALPHA_MIN);
-    let position = simd.splat_f32s(position);
-    let mut sums = [zero; SUMS];
-    for row in f.rows_in(origin[1]) {
-        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
-        // `u` counts from the row's peak, which is `shear dy` beside the centre.
-        let at_peak = halving[0] * f.shear * span.dy + halving[1] * span.dy;
-        let (at_peak, along) = (simd.splat_f32s(-at_peak), simd.splat_f32s(-halving[0]));
-        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-            let i = row * per_row + chunk;
-            let at = |plane: usize| plane * per_plane + i;
-            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
-            let alpha = simd.select_f32s(live, a.alpha, zero);
-            let through = simd.sub_f32s(one, alpha);
-            let t = simd.div_f32s(planes[at(15)], through);
-            planes[at(15)] = t;
-            let w = simd.mul_f32s(alpha, t);
-            let counted = planes[at(6)];
-            let w_counted = simd.mul_f32s(w, counted);
-            let first = if M == SUMS {
-                let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
-                simd.mul_f32s(simd.div_f32s(one, simd.add_f32s(one, odds)), w_counted)
-            } else {
-                zero
-            };
-            let (mut colours, mut linear) = (zero, zero);
-            for c in 0..3 {
-                let behind = planes[at(10 + c)];
-                let change = simd.mul_f32s(w, simd.sub_f32s(behind, colour[c]));
-                planes[at(10 + c)] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
-                let residual = planes[at(c)];
-                let size = simd.abs_f32s(simd.add_f32s(residual, change));
-                colours = simd.add_f32s(colours, simd.sub_f32s(size, simd.abs_f32s(residual)));
-                linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
+    broadcast: Broadcast<S>,
+    /// `[PLANES, TILE_PIXELS]`.
+    planes: &'a mut [S::f32s],
+    /// List position that ended each pixel.
+    stops: &'a [S::f32s],
+    /// Pixel (x, y) of the upper left corner.
+    origin: [usize; 2],
+    /// What an error of 1 costs: of colour, of depth.
+    per: [S::f32s; 2],
+}
+
+impl<S: Simd> OpenTile<'_, S> {
+    /// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
+    #[inline(always)]
+    fn walk<const M: usize>(&mut self, half: &Half<'_>, position: f32) -> [f32; M] {
+        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_depth] } = *self;
+        let Half { footprint: f, halving } = half;
+        let per_plane = TILE_PIXELS / S::F32_LANES;
+        let per_row = TILE_WIDTH / S::F32_LANES;
+        let colour = f.colour.map(|c| simd.splat_f32s(c));
+        let depth = simd.splat_f32s(f.depth);
+        let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let (eps, most) = (simd.splat_f32s(EXPECTED_DEPTH_EPS), simd.splat_f32s(MOST_ODDS));
+        let least = simd.splat_f32s(0.5 * ALPHA_MIN);
+        let position = simd.splat_f32s(position);
+        let mut sums = [zero; SUMS];
+        for row in f.rows_in(origin[1]) {
+            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+            // `u` counts from the row's peak, which is `shear dy` beside the centre.
+            let at_peak = halving[0] * f.shear * span.dy + halving[1] * span.dy;
+            let (at_peak, along) = (simd.splat_f32s(-at_peak), simd.splat_f32s(-halving[0]));
+            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+                let i = row * per_row + chunk;
+                let at = |plane: usize| plane * per_plane + i;
+                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+                let alpha = simd.select_f32s(live, a.alpha, zero);
+                let through = simd.sub_f32s(one, alpha);
+                let t = simd.div_f32s(planes[at(15)], through);
+                planes[at(15)] = t;
+                let w = simd.mul_f32s(alpha, t);
+                let counted = planes[at(6)];
+                let w_counted = simd.mul_f32s(w, counted);
+                let first = if M == SUMS {
+                    let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
+                    simd.mul_f32s(simd.div_f32s(one, simd.add_f32s(one, odds)), w_counted)
+                } else {
+                    zero
+                };
+                let (mut colours, mut linear) = (zero, zero);
+                for c in 0..3 {
+                    let behind = planes[at(10 + c)];
+                    let change = simd.mul_f32s(w, simd.sub_f32s(behind, colour[c]));
+                    planes[at(10 + c)] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
+                    let residual = planes[at(c)];
+                    let size = simd.abs_f32s(simd.add_f32s(residual, change));
+                    colours = simd.add_f32s(colours, simd.sub_f32s(size, simd.abs_f32s(residual)));
+                    linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
+                    if M == SUMS {
+                        sums[3 + c] = simd.mul_add_f32s(first, residual, sums[3 + c]);
+                        sums[6 + c] = simd.mul_add_f32s(w_counted, residual, sums[6 + c]);
+                    }
+                }
+                let (depth_behind, alpha_behind) = (planes[at(13)], planes[at(14)]);
+                planes[at(13)] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
+                planes[at(14)] = simd.mul_add_f32s(through, alpha_behind, alpha);
+                let (drawn, drawn_alpha, truth) = (planes[at(8)], planes[at(9)], planes[at(7)]);
+                let new = simd.mul_add_f32s(w, simd.sub_f32s(depth_behind, depth), drawn);
+                let new_alpha = simd.mul_add_f32s(w, simd.sub_f32s(alpha_behind, one), drawn_alpha);
+                let before = simd.sub_f32s(simd.div_f32s(drawn, simd.max_f32s(drawn_alpha, eps)), truth);
+                // What is left is nothing at all, or as much as one Gaussian shows at least: less is rounding.
+                let left = simd.greater_than_f32s(new_alpha, least);
+                let new = simd.select_f32s(left, simd.div_f32s(new, new_alpha), zero);
+                let after = simd.sub_f32s(new, truth);
+                let nearer = simd.sub_f32s(simd.abs_f32s(after), simd.abs_f32s(before));
+                let known = simd.and_m32s(live, simd.greater_than_f32s(truth, zero));
+                let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);
+                let by_colour = simd.mul_add_f32s(simd.mul_f32s(per_colour, counted), colours, linear);
+                sums[0] = simd.add_f32s(sums[0], simd.add_f32s(by_colour, by_depth));
+                sums[1] = simd.add_f32s(sums[1], w_counted);
+                sums[2] = simd.mul_add_f32s(alpha, counted, sums[2]);
                 if M == SUMS {
-                    sums[3 + c] = simd.mul_add_f32s(first, residual, sums[3 + c]);
-                    sums[6 + c] = simd.mul_add_f32s(w_counted, residual, sums[6 + c]);
+                    sums[9] = simd.mul_add_f32s(first, first, sums[9]);
+                    sums[10] = simd.mul_add_f32s(first, w_counted, sums[10]);
+                    sums[11] = simd.mul_add_f32s(w_counted, w_counted, sums[11]);
                 }
             }
-            let (depth_behind, alpha_behind) = (planes[at(13)], planes[at(14)]);
-            planes[at(13)] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
-            planes[at(14)] = simd.mul_add_f32s(through, alpha_behind, alpha);
-            let (drawn, drawn_alpha, truth) = (planes[at(8)], planes[at(9)], planes[at(7)]);
-            let new = simd.mul_add_f32s(w, simd.sub_f32s(depth_behind, depth), drawn);
-            let new_alpha = simd.mul_add_f32s(w, simd.sub_f32s(alpha_behind, one), drawn_alpha);
-            let before = simd.sub_f32s(simd.div_f32s(drawn, simd.max_f32s(drawn_alpha, eps)), truth);
-            // What is left is nothing at all, or as much as one Gaussian shows at least: less is rounding.
-            let left = simd.greater_than_f32s(new_alpha, least);
-            let new = simd.select_f32s(left, simd.div_f32s(new, new_alpha), zero);
-            let after = simd.sub_f32s(new, truth);
-            let nearer = simd.sub_f32s(simd.abs_f32s(after), simd.abs_f32s(before));
-            let known = simd.and_m32s(live, simd.greater_than_f32s(truth, zero));
-            let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);
-            let by_colour = simd.mul_add_f32s(simd.mul_f32s(per_colour, counted), colours, linear);
-            sums[0] = simd.add_f32s(sums[0], simd.add_f32s(by_colour, by_depth));
-            sums[1] = simd.add_f32s(sums[1], w_counted);
-            sums[2] = simd.mul_add_f32s(alpha, counted, sums[2]);
-            if M == SUMS {
-                sums[9] = simd.mul_add_f32s(first, first, sums[9]);
-                sums[10] = simd.mul_add_f32s(first, w_counted, sums[10]);
-                sums[11] = simd.mul_add_f32s(w_counted, w_counted, sums[11]);
-            }
         }
+        let mut out = [0.0; M];
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = simd.reduce_sum_f32s(sum);
+        }
+        out
     }
-    let mut out = [0.0; M];
-    for (out, sum) in out.iter_mut().zip(sums) {
-        *out = simd.reduce_sum_f32s(sum);
-    }
-    out
 }

@@ -50,67 +50,75 @@ impl WithSimd for CompositeTile<'_> {
         let Self { footprints, intersections, origin, planes, opaque } = self;
         planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
         planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
-        let broadcast = Broadcast::new(simd);
-        let vectors = S::as_mut_simd_f32s(planes).0;
+        let mut tile =
+            OpenTile { simd, broadcast: Broadcast::new(simd), planes: S::as_mut_simd_f32s(planes).0, origin, opaque };
         for (position, &intersection) in intersections.iter().enumerate() {
-            let footprint = &footprints[intersection as usize];
-            blend(simd, &broadcast, vectors, footprint, (&origin, opaque), position as f32);
-            if position % CHECK_EVERY == CHECK_EVERY - 1 && all_ended(simd, vectors) {
+            tile.blend(&footprints[intersection as usize], position as f32);
+            if position % CHECK_EVERY == CHECK_EVERY - 1 && tile.all_ended() {
                 break;
             }
         }
     }
 }
 
-/// Blends one Gaussian into a tile.
-#[inline(always)]
-fn blend<S: Simd>(
+/// A tile that Gaussians are blended into, nearest first.
+struct OpenTile<'a, S: Simd> {
     simd: S,
-    broadcast: &Broadcast<S>,
-    planes: &mut [S::f32s],
-    f: &Footprint,
-    (origin, opaque): (&[usize; 2], f32),
-    position: f32,
-) {
-    let per_plane = TILE_PIXELS / S::F32_LANES;
-    let per_row = TILE_WIDTH / S::F32_LANES;
-    let colour = f.colour.map(|c| simd.splat_f32s(c));
-    let depth = simd.splat_f32s(f.depth);
-    let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
-    let threshold = simd.splat_f32s(opaque);
-    let position = simd.splat_f32s(position);
-    let (red, rest) = planes.split_at_mut(per_plane);
-    let (green, rest) = rest.split_at_mut(per_plane);
-    let (blue, rest) = rest.split_at_mut(per_plane);
-    let (depths, rest) = rest.split_at_mut(per_plane);
-    let (transmittance, stops) = rest.split_at_mut(per_plane);
-    for row in f.rows_in(origin[1]) {
-        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
-        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-            let i = row * per_row + chunk;
-            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-            let t = transmittance[i];
-            let live = simd.and_m32s(a.drawn, simd.greater_than_f32s(t, zero));
-            let next = simd.mul_f32s(t, simd.sub_f32s(one, a.alpha));
-            let ends = simd.less_than_or_equal_f32s(next, threshold);
-            let w = simd.select_f32s(simd.and_m32s(live, simd.not_m32s(ends)), simd.mul_f32s(a.alpha, t), zero);
-            let ends = simd.and_m32s(live, ends);
-            red[i] = simd.mul_add_f32s(w, colour[0], red[i]);
-            green[i] = simd.mul_add_f32s(w, colour[1], green[i]);
-            blue[i] = simd.mul_add_f32s(w, colour[2], blue[i]);
-            depths[i] = simd.mul_add_f32s(w, depth, depths[i]);
-            transmittance[i] = simd.select_f32s(ends, simd.neg_f32s(t), simd.select_f32s(live, next, t));
-            stops[i] = simd.select_f32s(ends, position, stops[i]);
-        }
-    }
+    broadcast: Broadcast<S>,
+    /// `[PLANES, TILE_PIXELS]`.
+    planes: &'a mut [S::f32s],
+    /// Pixel (x, y) of the upper left corner.
+    origin: [usize; 2],
+    /// Transmittance at which a pixel ends.
+    opaque: f32,
 }
 
-#[inline(always)]
-fn all_ended<S: Simd>(simd: S, planes: &[S::f32s]) -> bool {
-    let per_plane = TILE_PIXELS / S::F32_LANES;
-    let transmittance = &planes[TRANSMITTANCE * per_plane..STOP * per_plane];
-    let largest = transmittance.iter().fold(simd.splat_f32s(-1.0), |m, &t| simd.max_f32s(m, t));
-    simd.reduce_max_f32s(largest) < 0.0
+impl<S: Simd> OpenTile<'_, S> {
+    /// Blends one Gaussian.
+    #[inline(always)]
+    fn blend(&mut self, f: &Footprint, position: f32) {
+        let Self { simd, ref broadcast, ref mut planes, origin, opaque } = *self;
+        let per_plane = TILE_PIXELS / S::F32_LANES;
+        let per_row = TILE_WIDTH / S::F32_LANES;
+        let colour = f.colour.map(|c| simd.splat_f32s(c));
+        let depth = simd.splat_f32s(f.depth);
+        let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let threshold = simd.splat_f32s(opaque);
+        let position = simd.splat_f32s(position);
+        let (red, rest) = planes.split_at_mut(per_plane);
+        let (green, rest) = rest.split_at_mut(per_plane);
+        let (blue, rest) = rest.split_at_mut(per_plane);
+        let (depths, rest) = rest.split_at_mut(per_plane);
+        let (transmittance, stops) = rest.split_at_mut(per_plane);
+        for row in f.rows_in(origin[1]) {
+            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
+                let i = row * per_row + chunk;
+                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
+                let t = transmittance[i];
+                let live = simd.and_m32s(a.drawn, simd.greater_than_f32s(t, zero));
+                let next = simd.mul_f32s(t, simd.sub_f32s(one, a.alpha));
+                let ends = simd.less_than_or_equal_f32s(next, threshold);
+                let w = simd.select_f32s(simd.and_m32s(live, simd.not_m32s(ends)), simd.mul_f32s(a.alpha, t), zero);
+                let ends = simd.and_m32s(live, ends);
+                red[i] = simd.mul_add_f32s(w, colour[0], red[i]);
+                green[i] = simd.mul_add_f32s(w, colour[1], green[i]);
+                blue[i] = simd.mul_add_f32s(w, colour[2], blue[i]);
+                depths[i] = simd.mul_add_f32s(w, depth, depths[i]);
+                transmittance[i] = simd.select_f32s(ends, simd.neg_f32s(t), simd.select_f32s(live, next, t));
+                stops[i] = simd.select_f32s(ends, position, stops[i]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn all_ended(&self) -> bool {
+        let Self { simd, ref planes, .. } = *self;
+        let per_plane = TILE_PIXELS / S::F32_LANES;
+        let transmittance = &planes[TRANSMITTANCE * per_plane..STOP * per_plane];
+        let largest = transmittance.iter().fold(simd.splat_f32s(-1.0), |m, &t| simd.max_f32s(m, t));
+        simd.reduce_max_f32s(largest) < 0.0
+    }
 }
 
 /// Copies the tiles into row-major images over the background colour.

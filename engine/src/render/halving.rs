@@ -41,12 +41,12 @@ pub fn longest_axes(splats: &[Splat], views: &[&PinholeView]) -> Vec<u8> {
 pub fn halving(splats: &[Splat], axes: &[u8], view: &PinholeView, state: &RenderedWithState) -> Vec<[f32; 2]> {
     let projector = Projector::new(view);
     let visible: Vec<usize> = state.visible().collect();
-    let of = |&i: &usize| of_one(&projector, &splats[i], usize::from(axes[i])).unwrap_or_default();
-    visible.par_iter().with_min_len(1024).map(of).collect()
+    let of_visible = |&i: &usize| halving_of(&projector, &splats[i], usize::from(axes[i])).unwrap_or_default();
+    visible.par_iter().with_min_len(1024).map(of_visible).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "f64 to f32 is the purpose")]
-fn of_one(projector: &Projector, splat: &Splat, axis: usize) -> Option<[f32; 2]> {
+fn halving_of(projector: &Projector, splat: &Splat, axis: usize) -> Option<[f32; 2]> {
     let (half, step) = half_of(splat, axis);
     let projected = projector.project(&half)?;
     let [x, y] = projected.image_from_world.map(|row| row.dot(step));

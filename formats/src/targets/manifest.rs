@@ -30,7 +30,7 @@ pub fn shard_file(place: usize) -> String {
 /// A clip of a shard.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ClipRecord {
+pub struct ClipCounts {
     /// Its name.
     pub clip: String,
     /// Primitives of the `LiDAR` branch.
@@ -54,7 +54,7 @@ pub struct ShardRecord {
     /// Its SHA-256, hexadecimal.
     pub sha256: String,
     /// Its clips, in their order.
-    pub clips: Vec<ClipRecord>,
+    pub clips: Vec<ClipCounts>,
 }
 
 /// A clip without targets.
@@ -167,7 +167,7 @@ impl ShardRecord {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn of(folder: &Path, file: String, clips: Vec<ClipRecord>) -> Result<Self> {
+    pub fn of(folder: &Path, file: String, clips: Vec<ClipCounts>) -> Result<Self> {
         let path = folder.join(&file);
         Ok(Self { bytes: file_size(&path, MAX_DATA_BYTES)?, sha256: sha256_of(&path)?, file, clips })
     }

@@ -12,7 +12,7 @@ mod write;
 
 pub use config::{Normalise, Signal, TargetsConfig, ZScore};
 pub use layout::{ClipDims, MAX_CLIP_NAME, is_clip_name};
-pub use manifest::{ClipRecord, FailedClip, MANIFEST_FILE, Manifest, ShardRecord, TARGETS_FORMAT, shard_file};
+pub use manifest::{ClipCounts, FailedClip, MANIFEST_FILE, Manifest, ShardRecord, TARGETS_FORMAT, shard_file};
 pub use shard::Shard;
 pub use write::{EncodedClip, WrittenShard, write_shard};
 

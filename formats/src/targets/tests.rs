@@ -99,7 +99,7 @@ fn a_flipped_byte_is_named_by_the_manifest_and_spoilt_values_by_the_reader() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(shard_file(0));
     let WrittenShard { bytes, sha256 } = write(&path, &[("c", clip(9, Some(2)))]);
-    let record = ClipRecord { clip: "c".into(), primitives: 9, sampled: 5, valid_prune: 4, valid_add: 4 };
+    let record = ClipCounts { clip: "c".into(), primitives: 9, sampled: 5, valid_prune: 4, valid_add: 4 };
     let shards = vec![ShardRecord { file: shard_file(0), bytes, sha256, clips: vec![record] }];
     let manifest = Manifest {
         format: TARGETS_FORMAT.into(),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{record::ClipRecord, settings::STEPS, ways::names};
+use super::{record::AblationRecord, settings::STEPS, ways::names};
 use crate::{
     means::Means,
     statistics::{Paired, Spread},
@@ -18,11 +18,11 @@ pub struct Comparison {
 }
 
 /// The comparisons that the records allow.
-pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
-    let learned = |steps: usize| move |r: &ClipRecord| r.learned_at(steps)?.figures.psnr;
-    let variant = |name: &'static str| move |r: &ClipRecord| r.variant(name)?.figures.psnr;
+pub fn comparisons(records: &[AblationRecord]) -> Vec<Comparison> {
+    let learned = |steps: usize| move |r: &AblationRecord| r.learned_at(steps)?.figures.psnr;
+    let variant = |name: &'static str| move |r: &AblationRecord| r.variant(name)?.figures.psnr;
     let mut all = Vec::new();
-    let mut add = |what: String, of: &dyn Fn(&ClipRecord) -> Option<f64>| {
+    let mut add = |what: String, of: &dyn Fn(&AblationRecord) -> Option<f64>| {
         let differences: Vec<f64> = records.iter().filter_map(of).collect();
         if let Some(paired) = Paired::of(&differences) {
             all.push(Comparison { what, paired });
@@ -32,11 +32,11 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
     add(format!("{STEPS} learned steps - none"), &|r| Some(refined(r)? - learned(0)(r)?));
     add(format!("{STEPS} learned steps - initial Gaussians"), &|r| Some(refined(r)? - r.start.psnr?));
     for steps in adam_steps(records) {
-        let adam = |r: &ClipRecord| ClipRecord::at(&r.adam, steps)?.figures.psnr;
+        let adam = |r: &AblationRecord| AblationRecord::at(&r.adam, steps)?.figures.psnr;
         add(format!("{STEPS} learned steps - {steps} Adam"), &|r| Some(refined(r)? - adam(r)?));
     }
     for steps in adam_steps(records) {
-        let adam = |r: &ClipRecord| ClipRecord::at(&r.adam_from_start, steps)?.figures.psnr;
+        let adam = |r: &AblationRecord| AblationRecord::at(&r.adam_from_start, steps)?.figures.psnr;
         add(format!("{STEPS} learned steps - {steps} Adam from the initial Gaussians"), &|r| {
             Some(refined(r)? - adam(r)?)
         });
@@ -51,7 +51,7 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
         add(what.to_owned(), &|r| Some(main(r)? - variant(other)(r)?));
     }
     let Some(settings) = records.first().map(|record| &record.key.settings) else { return all };
-    let psnr_of = |name: String| move |r: &ClipRecord| r.variant(&name)?.figures.psnr;
+    let psnr_of = |name: String| move |r: &AblationRecord| r.variant(&name)?.figures.psnr;
     let without = variant(names::POLICY_OFF);
     for &limit in &settings.limits {
         let (ranked, by_chance) = (psnr_of(names::limited(limit)), psnr_of(names::limited_by_chance(limit)));
@@ -66,7 +66,7 @@ pub fn comparisons(records: &[ClipRecord]) -> Vec<Comparison> {
 }
 
 /// Numbers of steps of per-scene optimisation that any record has, ascending, without 0.
-pub fn adam_steps(records: &[ClipRecord]) -> Vec<usize> {
+pub fn adam_steps(records: &[AblationRecord]) -> Vec<usize> {
     let mut steps: Vec<usize> = records.iter().flat_map(|r| &r.adam).map(|point| point.steps).collect();
     steps.sort_unstable();
     steps.dedup();
@@ -76,8 +76,8 @@ pub fn adam_steps(records: &[ClipRecord]) -> Vec<usize> {
 
 /// Mean and spread of a figure over the records that have it.
 pub fn spread<'a>(
-    records: &'a [ClipRecord],
-    of: impl Fn(&'a ClipRecord) -> Option<Means>,
+    records: &'a [AblationRecord],
+    of: impl Fn(&'a AblationRecord) -> Option<Means>,
     figure: fn(&Means) -> Option<f64>,
 ) -> Option<Spread> {
     let values: Vec<f64> = records.iter().filter_map(|r| figure(&of(r)?)).collect();

@@ -3,7 +3,7 @@
 use lgs_pages::csv;
 
 use super::{
-    record::{ClipRecord, Point},
+    record::{AblationRecord, Point},
     settings::STEPS,
 };
 use crate::means::Means;
@@ -26,11 +26,11 @@ const HEAD: [&str; 13] = [
 ];
 
 /// The table; what is not defined is an empty field.
-pub fn figures(records: &[&ClipRecord]) -> String {
+pub fn figures(records: &[&AblationRecord]) -> String {
     csv(&HEAD, records.iter().flat_map(|record| lines(record)))
 }
 
-fn lines(record: &ClipRecord) -> Vec<Vec<String>> {
+fn lines(record: &AblationRecord) -> Vec<Vec<String>> {
     let mut lines = vec![line(&record.clip, ["initial Gaussians", "0"], &record.start, [None; 4])];
     let curves = [("learned", &record.learned), ("adam", &record.adam), ("adam from start", &record.adam_from_start)];
     for (what, curve) in curves {

@@ -14,7 +14,7 @@ use super::{
     csv::figures,
     markdown::{AblationRecords, markdown},
     picture::picture,
-    record::{CLIP_FORMAT, CacheKey, ClipRecord},
+    record::{AblationKey, AblationRecord, CLIP_FORMAT},
     scene::{measure, num_told},
     settings::Settings,
     subject::Subject,
@@ -74,7 +74,7 @@ pub trait Observer {
     /// So many steps of some kind were done.
     fn step(&self, steps: u64);
     /// A clip is done; these are steps that it turned out not to need.
-    fn end(&self, record: &ClipRecord, left_out: u64);
+    fn end(&self, record: &AblationRecord, left_out: u64);
 }
 
 /// `ablation.json`.
@@ -84,8 +84,8 @@ struct Page<'a> {
     weights: &'a str,
     settings: &'a Settings,
     comparisons: Vec<Comparison>,
-    scenes: &'a [ClipRecord],
-    clips: &'a [ClipRecord],
+    scenes: &'a [AblationRecord],
+    clips: &'a [AblationRecord],
 }
 
 impl AblationJob<'_> {
@@ -132,9 +132,9 @@ impl AblationJob<'_> {
         records: &Path,
         index: usize,
         observer: &dyn Observer,
-    ) -> Result<ClipRecord> {
+    ) -> Result<AblationRecord> {
         let dir = open(choice)?;
-        let key = CacheKey {
+        let key = AblationKey {
             format: CLIP_FORMAT.to_owned(),
             weights: self.model.sha256.to_owned(),
             lpips: self.lpips.as_ref().map(|lpips| lpips.sha256.to_owned()),
@@ -142,8 +142,8 @@ impl AblationJob<'_> {
             choice: choice.recorded(),
             settings,
         };
-        let (file, asked) = (ClipRecord::file(records, index, &dir.clip().name), num_told(&key.settings));
-        if let Some(record) = ClipRecord::read(&file, &key)? {
+        let (file, asked) = (AblationRecord::file(records, index, &dir.clip().name), num_told(&key.settings));
+        if let Some(record) = AblationRecord::read(&file, &key)? {
             observer.begin(&choice.dir, true);
             observer.end(&record, asked);
             return Ok(record);
@@ -161,7 +161,7 @@ impl AblationJob<'_> {
     }
 
     /// The page of tables, written with everything else that the records say together.
-    fn write(&self, scenes: &[ClipRecord], clips: &[ClipRecord]) -> Result<String> {
+    fn write(&self, scenes: &[AblationRecord], clips: &[AblationRecord]) -> Result<String> {
         let put = |name: &str, text: &str| write_atomic(&self.out.join(name), text.as_bytes());
         let page = markdown(AblationRecords { scenes, clips });
         put("ablation.md", &page)?;

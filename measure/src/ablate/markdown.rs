@@ -6,7 +6,7 @@ use lgs_train::velocity::VelocityErrors;
 
 use super::{
     compare::{adam_steps, comparisons, spread},
-    record::{ClipRecord, CurveOf},
+    record::{AblationRecord, CurveOf},
     settings::STEPS,
     ways::names,
 };
@@ -16,13 +16,13 @@ use crate::{means::Means, statistics::Spread};
 #[derive(Clone, Copy, Debug)]
 pub struct AblationRecords<'a> {
     /// The scenes.
-    pub scenes: &'a [ClipRecord],
+    pub scenes: &'a [AblationRecord],
     /// The clips.
-    pub clips: &'a [ClipRecord],
+    pub clips: &'a [AblationRecord],
 }
 
 /// A row's figures of a record.
-type MeansOf<'a> = &'a dyn Fn(&'a ClipRecord) -> Option<Means>;
+type MeansOf<'a> = &'a dyn Fn(&'a AblationRecord) -> Option<Means>;
 
 /// The page.
 pub fn markdown(found: AblationRecords<'_>) -> String {
@@ -88,7 +88,7 @@ impl<'a> AblationRecords<'a> {
     }
 
     fn adam(&self, text: &mut String) {
-        let all: Vec<ClipRecord> = self.scenes.iter().chain(self.clips).cloned().collect();
+        let all: Vec<AblationRecord> = self.scenes.iter().chain(self.clips).cloned().collect();
         let curves: [(&str, CurveOf); 2] = [
             ("Per-scene optimisation (Adam) from the same start", |r| &r.adam),
             ("Per-scene optimisation (Adam) from the initial Gaussians", |r| &r.adam_from_start),
@@ -99,7 +99,7 @@ impl<'a> AblationRecords<'a> {
             }
             self.head(text, title, "steps");
             for steps in std::iter::once(0).chain(adam_steps(&all)) {
-                self.row(text, &steps.to_string(), &|r| Some(ClipRecord::at(curve(r), steps)?.figures));
+                self.row(text, &steps.to_string(), &|r| Some(AblationRecord::at(curve(r), steps)?.figures));
             }
             text.push('\n');
         }
@@ -112,7 +112,7 @@ impl<'a> AblationRecords<'a> {
         for name in all().flat_map(|record| &record.variants).map(|variant| variant.name.as_str()) {
             if !shown.contains(&name) {
                 shown.push(name);
-                let counts = |of: fn(&ClipRecord, &str) -> Option<f64>| {
+                let counts = |of: fn(&AblationRecord, &str) -> Option<f64>| {
                     let shares: Vec<f64> = self.scenes.iter().filter_map(|r| of(r, name)).collect();
                     Spread::of(&shares).map(|s| 100.0 * s.mean).filter(|share| *share > 0.0)
                 };
@@ -194,7 +194,7 @@ impl<'a> AblationRecords<'a> {
         );
         let own = self.clips.iter().map(|record| (record.clip.clone(), std::slice::from_ref(record)));
         for (name, records) in std::iter::once(("mean scene".to_owned(), self.scenes)).chain(own) {
-            let mean_seconds = |seconds: &dyn Fn(&ClipRecord) -> Option<f64>| {
+            let mean_seconds = |seconds: &dyn Fn(&AblationRecord) -> Option<f64>| {
                 let all: Vec<f64> = records.iter().filter_map(seconds).collect();
                 Spread::of(&all).map_or("–".to_owned(), |s| format!("{:.2}", s.mean))
             };

@@ -2,13 +2,13 @@
 
 use lgs_pages::{Axis, Curve, CurvesFrame, Scale, curves, number};
 
-use super::record::{ClipRecord, CurveOf};
+use super::record::{AblationRecord, CurveOf};
 
 /// Where 0 steps stand on the logarithmic axis.
 const NO_STEPS: f64 = 0.5;
 
 /// The mean curves of the records as SVG; empty without a figure. A point is drawn where all records that begin the curve have it.
-pub fn picture(title: &str, records: &[ClipRecord]) -> String {
+pub fn picture(title: &str, records: &[AblationRecord]) -> String {
     let kinds: [(&str, CurveOf); 3] = [
         ("learned", |r| &r.learned),
         ("Adam, same start", |r| &r.adam),
@@ -25,11 +25,11 @@ pub fn picture(title: &str, records: &[ClipRecord]) -> String {
     curves(&CurvesFrame { title, axes, dots: 3.0 }, &means)
 }
 
-fn mean_curve(records: &[ClipRecord], of: CurveOf) -> Vec<[f64; 2]> {
+fn mean_curve(records: &[AblationRecord], of: CurveOf) -> Vec<[f64; 2]> {
     let steps: Vec<usize> =
         records.first().map(|r| of(r).iter().map(|point| point.steps).collect()).unwrap_or_default();
     let mean = |steps: usize| {
-        let values: Option<Vec<f64>> = records.iter().map(|r| ClipRecord::at(of(r), steps)?.figures.psnr).collect();
+        let values: Option<Vec<f64>> = records.iter().map(|r| AblationRecord::at(of(r), steps)?.figures.psnr).collect();
         values.map(|values| [(steps as f64).max(NO_STEPS), values.iter().sum::<f64>() / values.len() as f64])
     };
     steps.into_iter().filter_map(mean).collect()

@@ -19,7 +19,7 @@ pub const CLIP_FORMAT: &str = "lgs-ablation-clip/1";
 /// What decides the result of a clip: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CacheKey {
+pub struct AblationKey {
     /// [`CLIP_FORMAT`].
     pub format: String,
     /// SHA-256 of the weights.
@@ -49,7 +49,7 @@ pub struct Point {
 }
 
 /// One of the curves of a record.
-pub type CurveOf = fn(&ClipRecord) -> &Vec<Point>;
+pub type CurveOf = fn(&AblationRecord) -> &Vec<Point>;
 
 /// A way to use the network, refined by [`STEPS`](super::settings::STEPS) steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,9 +70,9 @@ pub struct Variant {
 /// Everything that was found on a clip.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ClipRecord {
+pub struct AblationRecord {
     /// What decides it.
-    pub key: CacheKey,
+    pub key: AblationKey,
     /// Name of the clip.
     pub clip: String,
     /// Input and held-out views.
@@ -97,7 +97,7 @@ pub struct ClipRecord {
     pub seconds: [f64; 2],
 }
 
-impl ClipRecord {
+impl AblationRecord {
     /// The file of clip number `index`.
     pub fn file(dir: &Path, index: usize, clip: &str) -> PathBuf {
         dir.join(format!("{}.json", file_stem(index, clip)))
@@ -107,7 +107,7 @@ impl ClipRecord {
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+    pub fn read(file: &Path, key: &AblationKey) -> Result<Option<Self>> {
         Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 

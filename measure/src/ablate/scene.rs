@@ -17,7 +17,7 @@ use lgs_engine::{
 use lgs_train::velocity::{TrueVelocities, VelocityErrors};
 
 use super::{
-    record::{CacheKey, ClipRecord, Point, Variant},
+    record::{AblationKey, AblationRecord, Point, Variant},
     settings::{STEPS, Settings},
     subject::Subject,
     ways::{ANY, Way, names, ways},
@@ -49,7 +49,12 @@ pub fn num_told(settings: &Settings) -> u64 {
 ///
 /// # Errors
 /// Whatever is wrong with the clip; a scene that draws what is not finite.
-pub fn measure(subject: &Subject<'_>, model: &Model, key: CacheKey, told: &mut dyn FnMut(u64)) -> Result<ClipRecord> {
+pub fn measure(
+    subject: &Subject<'_>,
+    model: &Model,
+    key: AblationKey,
+    told: &mut dyn FnMut(u64),
+) -> Result<AblationRecord> {
     let begun = Instant::now();
     let start = subject.start()?.scene;
     let start_seconds = begun.elapsed().as_secs_f64();
@@ -80,7 +85,7 @@ pub fn measure(subject: &Subject<'_>, model: &Model, key: CacheKey, told: &mut d
         measured(names::as_many(theta), Way { thresholds: ANY, limit: Some(Limit::Count(count)), ..way })?;
     }
     let velocity = bench.velocity(policy_skipped.is_some().then_some([&main.scene, &refined]), told)?;
-    Ok(ClipRecord {
+    Ok(AblationRecord {
         key,
         clip: subject.session().clip().name.clone(),
         views: subject.num_views(),

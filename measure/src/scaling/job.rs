@@ -10,7 +10,7 @@ use super::{
     measure::{Space, Times},
     page::{Page, html},
     plan::{Plan, Size},
-    record::{CacheKey, FailedSize, SizeRecord},
+    record::{FailedSize, ScalingKey, SizeRecord},
     street,
     table::{PartRow, rows},
 };
@@ -43,7 +43,7 @@ pub struct ScalingJob<'a> {
     /// The sizes.
     pub plan: Plan,
     /// What decides the figures beside the sizes.
-    pub key: CacheKey,
+    pub key: ScalingKey,
     /// Directory of the results.
     pub out: PathBuf,
     /// Measures.
@@ -63,7 +63,7 @@ pub struct ScalingFindings {
 #[derive(Serialize)]
 struct Whole<'a> {
     format: &'static str,
-    key: &'a CacheKey,
+    key: &'a ScalingKey,
     rows: &'a [PartRow],
     sizes: &'a [SizeRecord],
     failed: &'a [FailedSize],

@@ -20,7 +20,7 @@ pub const SIZE_FORMAT: &str = "lgs-scaling-size/1";
 /// What decides the figures beside the size: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CacheKey {
+pub struct ScalingKey {
     /// [`SIZE_FORMAT`].
     pub format: String,
     /// SHA-256 of the weights; `None` without a network.
@@ -38,7 +38,7 @@ pub struct CacheKey {
 #[serde(deny_unknown_fields)]
 pub struct SizeRecord {
     /// What decides it.
-    pub key: CacheKey,
+    pub key: ScalingKey,
     /// The size that was asked for.
     pub size: Size,
     /// Time.
@@ -66,7 +66,7 @@ impl SizeRecord {
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+    pub fn read(file: &Path, key: &ScalingKey) -> Result<Option<Self>> {
         Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 

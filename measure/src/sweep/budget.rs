@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     budget_run::BudgetRun,
-    record::{ClipRecord, PointRecord},
+    record::{PointRecord, SweepRecord},
 };
 use crate::statistics::Quartiles;
 
@@ -44,11 +44,11 @@ pub struct Rival {
 }
 
 /// What came of each of `budgets` on a clip, where it was run.
-pub fn budget_rows(record: &ClipRecord, budgets: &[f64]) -> Vec<BudgetRow> {
+pub fn budget_rows(record: &SweepRecord, budgets: &[f64]) -> Vec<BudgetRow> {
     budgets.iter().filter_map(|&budget_s| budget_row(record, budget_s)).collect()
 }
 
-fn budget_row(record: &ClipRecord, budget_s: f64) -> Option<BudgetRow> {
+fn budget_row(record: &SweepRecord, budget_s: f64) -> Option<BudgetRow> {
     let rival = |point: &PointRecord| {
         let finished_s = Quartiles::of(point.repeats.iter().map(|repeat| repeat.cost.seconds))?.median;
         Some(Rival { name: point.setting.name(), finished_s, psnr: point.accuracy.figures.psnr? })

@@ -2,7 +2,7 @@
 
 use lgs_engine::{
     densify::{Density, Limit, Scope, Thresholds},
-    recipe::{KNOBS, Recipe},
+    recipe::Recipe,
     refine::LineSearch,
 };
 
@@ -113,9 +113,7 @@ impl Axis {
     pub fn apply(&self, recipe: Recipe, value: &str) -> Result<Recipe, String> {
         let mut changed = recipe;
         if self.none.is_empty() || value != self.none {
-            for knob in KNOBS.iter().filter(|knob| self.knobs.contains(&knob.name)) {
-                (knob.set)(&mut changed, value)?;
-            }
+            self.knobs.iter().try_for_each(|name| changed.set(name, value))?;
         }
         if matches!(changed.max_gaussians, Some(Limit::Count(0) | Limit::Percent(0))) {
             return Err(format!("expected a number or a share above 0, or none, found {value}"));

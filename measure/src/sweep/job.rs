@@ -12,7 +12,7 @@ use super::{
     grid::Run,
     measure::{Bench, RunEvaluation},
     pages::{ClipTable, Pages},
-    record::{CLIP_FORMAT, CacheKey, ClipRecord, Failed, Folders, PointRecord},
+    record::{CLIP_FORMAT, Failed, Folders, PointRecord, SweepKey, SweepRecord},
     setting::{Setting, Weights},
 };
 use crate::{
@@ -88,7 +88,7 @@ struct Current<'a> {
     index: usize,
     case: &'a Case,
     file: PathBuf,
-    record: ClipRecord,
+    record: SweepRecord,
 }
 
 impl std::fmt::Debug for SweepJob<'_> {
@@ -140,7 +140,7 @@ impl SweepJob<'_> {
 
     fn current<'c>(&self, index: usize, case: &'c Case, folders: &Folders) -> Result<Current<'c>> {
         let clip = case.clip();
-        let key = CacheKey {
+        let key = SweepKey {
             format: CLIP_FORMAT.to_owned(),
             source: clip.source.clone(),
             choice: self.clips[index].recorded(),
@@ -150,7 +150,7 @@ impl SweepJob<'_> {
         };
         let stem = file_stem(index, &clip.name);
         let file = folders.records.join(format!("{stem}.json"));
-        if let Some(mut record) = ClipRecord::read(&file, &key)? {
+        if let Some(mut record) = SweepRecord::read(&file, &key)? {
             record.sessions += 1;
             return Ok(Current { index, case, file, record });
         }
@@ -162,7 +162,7 @@ impl SweepJob<'_> {
         let work = Work::of(&session)?;
         let (clip, load_s) = (clip.name.clone(), Some(load_s));
         let record =
-            ClipRecord { key, clip, work, load_s, truth, sessions: 1, points: Vec::new(), budget_runs: Vec::new() };
+            SweepRecord { key, clip, work, load_s, truth, sessions: 1, points: Vec::new(), budget_runs: Vec::new() };
         Ok(Current { index, case, file, record })
     }
 
@@ -191,7 +191,7 @@ impl SweepJob<'_> {
 
     /// Runs every configuration until there are enough timed runs of it: all of them once, then all of them again.
     fn time_all(&self, current: &mut Current<'_>, failed: &mut Vec<Failed>, observer: &dyn Observer) -> Result<()> {
-        let lacks = |record: &ClipRecord, run: &Run, round: usize| {
+        let lacks = |record: &SweepRecord, run: &Run, round: usize| {
             run.settings.iter().any(|s| record.point(s).is_some_and(|point| point.repeats.len() <= round))
         };
         let mut loaded: Option<Session> = None;
@@ -248,7 +248,7 @@ impl SweepJob<'_> {
         Bench { inputs: session.inputs(), models: self.models, seed: self.seed }
     }
 
-    fn warm_up(&self, bench: &Bench<'_>, record: &ClipRecord) -> Result<()> {
+    fn warm_up(&self, bench: &Bench<'_>, record: &SweepRecord) -> Result<()> {
         for _ in 0..self.warm_up {
             for run in self.runs.iter().filter(|run| run.settings.iter().all(|s| record.point(s).is_some())) {
                 bench.warm_up(run)?;

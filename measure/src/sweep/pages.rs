@@ -11,7 +11,7 @@ use super::{
     case::Work,
     csv::{Table, points},
     presets::presets,
-    record::{ClipRecord, Failed, PointRecord},
+    record::{Failed, PointRecord, SweepRecord},
     report::{Chapter, Page, html},
     setting::{Setting, Weights},
     table::{PointRow, mean_rows, rows},
@@ -83,7 +83,7 @@ impl Pages<'_> {
     ///
     /// # Errors
     /// A file that cannot be written, or a crop that cannot be read.
-    pub fn write(&self, records: &[ClipRecord], failed: &[Failed]) -> Result<Vec<ClipTable>> {
+    pub fn write(&self, records: &[SweepRecord], failed: &[Failed]) -> Result<Vec<ClipTable>> {
         let settings = self.settings;
         let tables: Vec<Vec<PointRow>> = records.iter().map(|record| rows(record, settings)).collect();
         let budgets: Vec<Vec<BudgetRow>> = records.iter().map(|record| budget_rows(record, self.budgets)).collect();
@@ -154,7 +154,7 @@ pub fn clip_options(choice: &Choice) -> Vec<(&'static str, String)> {
 }
 
 fn of_clip<'a>(
-    record: &'a ClipRecord,
+    record: &'a SweepRecord,
     rows: &'a [PointRow],
     budgets: &'a [BudgetRow],
     settings: &[Setting],

@@ -8,7 +8,7 @@ use lgs_engine::{
 
 use super::{
     front::{Offer, on_front},
-    record::{ClipRecord, PointRecord},
+    record::{PointRecord, SweepRecord},
     setting::{Setting, Weights},
     table::PointRow,
 };
@@ -29,7 +29,7 @@ impl Setting {
 /// The configurations without a network and with `weights` that are on the front of a clip or of the mean, `rows`, and the names of three
 /// of them; `None` where a clip has no timed runs or nothing is quick enough for its name.
 pub fn presets(
-    records: &[ClipRecord],
+    records: &[SweepRecord],
     rows: &[PointRow],
     weights: Option<&Weights>,
     machine: &Machine,
@@ -52,7 +52,7 @@ pub fn presets(
     })
 }
 
-fn measured(setting: &Setting, records: &[ClipRecord]) -> Option<MeasuredRecipe> {
+fn measured(setting: &Setting, records: &[SweepRecord]) -> Option<MeasuredRecipe> {
     let points: Vec<&PointRecord> = records.iter().map(|record| record.point(setting)).collect::<Option<_>>()?;
     let seconds = |point: &&PointRecord| Quartiles::of(point.repeats.iter().map(|repeat| repeat.cost.seconds));
     Some(MeasuredRecipe {
@@ -65,7 +65,7 @@ fn measured(setting: &Setting, records: &[ClipRecord]) -> Option<MeasuredRecipe>
     })
 }
 
-fn clip(record: &ClipRecord) -> Option<RecordedClip> {
+fn clip(record: &SweepRecord) -> Option<RecordedClip> {
     let begin =
         record.points.iter().flat_map(|point| &point.repeats).filter_map(|repeat| *repeat.cost.stages.get("points")?);
     Some(RecordedClip {

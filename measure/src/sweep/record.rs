@@ -26,7 +26,7 @@ const CROPS: &str = "crops";
 /// What decides the figures of a clip beside the configurations: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CacheKey {
+pub struct SweepKey {
     /// [`CLIP_FORMAT`].
     pub format: String,
     /// Where the clip says that it comes from.
@@ -81,9 +81,9 @@ pub struct Failed {
 /// Everything that was found on a clip.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ClipRecord {
+pub struct SweepRecord {
     /// What decides it.
-    pub key: CacheKey,
+    pub key: SweepKey,
     /// Name of the clip.
     pub clip: String,
     /// How much there is to do.
@@ -100,12 +100,12 @@ pub struct ClipRecord {
     pub budget_runs: Vec<BudgetRun>,
 }
 
-impl ClipRecord {
+impl SweepRecord {
     /// The record in `file`; `None` where there is none, one that was not written to its end, or one of other key.
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn read(file: &Path, key: &CacheKey) -> Result<Option<Self>> {
+    pub fn read(file: &Path, key: &SweepKey) -> Result<Option<Self>> {
         Ok(read_record(file)?.filter(|record: &Self| &record.key == key))
     }
 

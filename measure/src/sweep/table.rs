@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     front::{Offer, cost_of, on_front},
-    record::{ClipRecord, PointRecord},
+    record::{PointRecord, SweepRecord},
     setting::Setting,
 };
 use crate::{
@@ -69,7 +69,7 @@ impl PointRow {
 }
 
 /// The rows of a clip, in the order of `settings`; configurations without a timed run are left out.
-pub fn rows(record: &ClipRecord, settings: &[Setting]) -> Vec<PointRow> {
+pub fn rows(record: &SweepRecord, settings: &[Setting]) -> Vec<PointRow> {
     compared(settings.iter().filter_map(|setting| PointRow::of(record.point(setting)?)).collect())
 }
 

@@ -2,7 +2,7 @@
 
 use lgs_formats::error::FormatError;
 use lgs_formats::targets::{
-    ClipDims, ClipRecord, EncodedClip, FailedClip, MANIFEST_FILE, Manifest, ShardRecord, TARGETS_FORMAT, TargetsConfig,
+    ClipCounts, ClipDims, EncodedClip, FailedClip, MANIFEST_FILE, Manifest, ShardRecord, TARGETS_FORMAT, TargetsConfig,
     shard_file, write_shard,
 };
 
@@ -18,8 +18,8 @@ struct Item {
 }
 
 impl Item {
-    fn record(&self) -> ClipRecord {
-        ClipRecord {
+    fn record(&self) -> ClipCounts {
+        ClipCounts {
             clip: self.name.clone(),
             primitives: self.dims.primitives,
             sampled: self.dims.sampled,

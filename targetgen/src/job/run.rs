@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use lgs_engine::network::model::Model;
 use lgs_formats::jobs::{FailedItem, ItemEvent, Items, Part, Tried, part_file, try_items};
-use lgs_formats::targets::{ClipRecord, EncodedClip, FailedClip, Manifest, ShardRecord, TARGETS_FORMAT, TargetsConfig};
+use lgs_formats::targets::{ClipCounts, EncodedClip, FailedClip, Manifest, ShardRecord, TARGETS_FORMAT, TargetsConfig};
 
 use super::clips::JobClip;
 use super::pack::{Plan, pack};
@@ -152,7 +152,7 @@ fn finish_part(store: &Store, plan: &Plan<'_>, own: &[&str], part: Part) -> Resu
             let found = "shards that were packed already: the parts are merged".to_owned();
             return Err(TargetError::unfit("part", "a folder whose parts are not merged yet", found));
         };
-        let record = ClipRecord {
+        let record = ClipCounts {
             clip: clip.to_owned(),
             primitives: encoded.dims.primitives,
             sampled: encoded.dims.sampled,

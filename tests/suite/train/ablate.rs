@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use lgs_engine::densify::Limit;
 use lgs_engine::network::source::{LoadedModel, load_model};
 use lgs_measure::ablate::job::{AblationJob, Hashed, Observer};
-use lgs_measure::ablate::record::ClipRecord;
+use lgs_measure::ablate::record::AblationRecord;
 use lgs_measure::ablate::settings::Settings;
 use lgs_measure::ablate::ways::names;
 use lgs_measure::clips::Choice;
@@ -48,7 +48,7 @@ impl Observer for Notes {
 
     fn step(&self, _: u64) {}
 
-    fn end(&self, _: &ClipRecord, _: u64) {}
+    fn end(&self, _: &AblationRecord, _: u64) {}
 }
 
 impl Place {
@@ -86,7 +86,7 @@ impl Place {
     }
 
     /// The record of the clip that stands for itself.
-    fn record(&self) -> Result<ClipRecord, Failed> {
+    fn record(&self) -> Result<AblationRecord, Failed> {
         let mut files: Vec<PathBuf> = fs::read_dir(self.dir.path().join("ablation/clips"))?
             .map(|e| e.map(|e| e.path()))
             .collect::<Result<_, _>>()?;
@@ -120,7 +120,7 @@ fn figures_are_those_of_inference() -> Outcome {
     let record = place.record()?;
     same("3 steps", record.learned_at(3).and_then(|p| p.figures.psnr), place.inferred(&[])?)?;
     same("no step", record.learned_at(0).and_then(|p| p.figures.psnr), place.inferred(&["--refine-steps", "0"])?)?;
-    let adam = ClipRecord::at(&record.adam, 2).and_then(|p| p.figures.psnr);
+    let adam = AblationRecord::at(&record.adam, 2).and_then(|p| p.figures.psnr);
     same("2 of Adam", adam, place.inferred(&["--refine-with", "adam:2"])?)?;
     let off = record.variant(names::QUERY_OFF).and_then(|v| v.figures.psnr);
     same("query off", off, place.inferred(&["--query", "off"])?)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lgs_engine::network::config::ModelConfig;
 use lgs_engine::network::source::load_model;
 use lgs_formats::targets::{
-    ActionTargets, ClipRecord, ClipTargets, EncodedClip, HalfFeatures, MANIFEST_FILE, Manifest, ShardRecord, Signal,
+    ActionTargets, ClipCounts, ClipTargets, EncodedClip, HalfFeatures, MANIFEST_FILE, Manifest, ShardRecord, Signal,
     TARGETS_FORMAT, TargetsConfig, shard_file, write_shard,
 };
 use lgs_targetgen::job::find_clips;
@@ -91,7 +91,7 @@ fn shards(folder: &Path, config: &TargetsConfig, clips: &[ClipTargets]) -> Outco
         clips.iter().map(|clip| EncodedClip::new(&path, clip)).collect::<Result<_, _>>().map_err(failed)?;
     let listed: Vec<_> = names.iter().map(String::as_str).zip(encoded.iter().map(|clip| clip.dims)).collect();
     write_shard(&path, config, &listed, |k| Ok(encoded[k].clone())).map_err(failed)?;
-    let record = |(name, clip): (&String, &EncodedClip)| ClipRecord {
+    let record = |(name, clip): (&String, &EncodedClip)| ClipCounts {
         clip: name.clone(),
         primitives: clip.dims.primitives,
         sampled: clip.dims.sampled,

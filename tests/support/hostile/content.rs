@@ -14,7 +14,7 @@ use lgs_formats::ply::{read_ply, write_ply};
 use lgs_formats::pose::Pose;
 use lgs_formats::returns::{write_sensors, write_times};
 use lgs_formats::targets::{
-    ActionTargets, ClipRecord, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Shard, ShardRecord, TARGETS_FORMAT,
+    ActionTargets, ClipCounts, ClipTargets, EncodedClip, MANIFEST_FILE, Manifest, Shard, ShardRecord, TARGETS_FORMAT,
     TargetsConfig, shard_file, write_shard,
 };
 
@@ -205,7 +205,7 @@ pub(super) fn fill_targets(_: &Path, to: &Path) -> Said {
     let encoded = EncodedClip::new(to, &targets).map_err(said)?;
     let file = shard_file(0);
     write_shard(&to.join(&file), &config, &[("a", encoded.dims)], |_| Ok(encoded.clone())).map_err(said)?;
-    let clip = ClipRecord { clip: "a".to_owned(), primitives: 3, sampled: 2, valid_prune: 1, valid_add: 1 };
+    let clip = ClipCounts { clip: "a".to_owned(), primitives: 3, sampled: 2, valid_prune: 1, valid_add: 1 };
     let shard = ShardRecord::of(to, file, vec![clip]).map_err(said)?;
     let manifest = Manifest {
         format: TARGETS_FORMAT.to_owned(),

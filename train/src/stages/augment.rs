@@ -23,9 +23,9 @@ pub struct Window {
 
 impl Window {
     /// A window of at most `height` x `width` somewhere in an image of `size` (height, width).
-    pub(crate) fn draw(dice: &mut Rng, size: [usize; 2], [height, width]: [usize; 2]) -> Self {
+    pub(crate) fn draw(rng: &mut Rng, size: [usize; 2], [height, width]: [usize; 2]) -> Self {
         let (height, width) = (height.min(size[0]), width.min(size[1]));
-        let (top, left) = (dice.between(0, size[0] - height), dice.between(0, size[1] - width));
+        let (top, left) = (rng.between(0, size[0] - height), rng.between(0, size[1] - width));
         Self { left, top, width, height }
     }
 
@@ -72,13 +72,13 @@ pub struct Light {
 
 impl Light {
     /// Some light; in one of three cases the clip's own.
-    pub(crate) fn draw(dice: &mut Rng) -> Self {
-        if dice.chance(1.0 / 3.0) {
+    pub(crate) fn draw(rng: &mut Rng) -> Self {
+        if rng.chance(1.0 / 3.0) {
             return Self { gain: [1.0; 3], gamma: 1.0 };
         }
-        let all = dice.uniform(0.6, 1.35);
-        let gain = std::array::from_fn(|_| narrow(all * dice.uniform(0.85, 1.15)));
-        Self { gain, gamma: narrow(dice.uniform(0.75, 1.5)) }
+        let all = rng.uniform(0.6, 1.35);
+        let gain = std::array::from_fn(|_| narrow(all * rng.uniform(0.85, 1.15)));
+        Self { gain, gamma: narrow(rng.uniform(0.75, 1.5)) }
     }
 
     /// Changes the colours of a view.
@@ -92,23 +92,23 @@ impl Light {
 }
 
 /// Moves the initial Gaussians away from where inference starts: sizes and opacities as a whole, colours one by one.
-pub(crate) fn disturb(set: &mut GaussianSet, dice: &mut Rng) {
+pub(crate) fn disturb(set: &mut GaussianSet, rng: &mut Rng) {
     let num_lidar = set.num_lidar;
     for branch in [0..num_lidar, num_lidar..set.len()] {
-        let (size, opacity, colour) = (dice.normal() * 0.25, dice.uniform(-0.7, 1.0), dice.uniform(0.0, 0.3));
+        let (size, opacity, colour) = (rng.normal() * 0.25, rng.uniform(-0.7, 1.0), rng.uniform(0.0, 0.3));
         for row in &mut set.attributes[branch] {
             row[LOG_SCALE].iter_mut().for_each(|s| *s += narrow(size));
             row[LOGIT_OPACITY] += narrow(opacity);
-            row[LOGIT_COLOUR].iter_mut().for_each(|c| *c += narrow(colour * dice.normal()));
+            row[LOGIT_COLOUR].iter_mut().for_each(|c| *c += narrow(colour * rng.normal()));
         }
     }
 }
 
 /// Adds normal noise of a standard deviation up to `most` to the colours of views, one deviation for all of them.
-pub(crate) fn add_noise(views: &mut [View], most: f64, dice: &mut Rng) {
-    let deviation = dice.uniform(0.0, most);
+pub(crate) fn add_noise(views: &mut [View], most: f64, rng: &mut Rng) {
+    let deviation = rng.uniform(0.0, most);
     for value in views.iter_mut().flat_map(|view| &mut view.image.data) {
-        *value = (*value + narrow(deviation * dice.normal())).clamp(0.0, 1.0);
+        *value = (*value + narrow(deviation * rng.normal())).clamp(0.0, 1.0);
     }
 }
 

@@ -94,15 +94,15 @@ pub fn compute(
     let outcomes = outcomes(|branch| passes.initial(start, branch))?;
     let updated = updated(start, &outcomes)?;
     // What is not finite has to be seen in the loss, so that the step changes nothing.
-    let limit = pruned_to(settings, &mut sample.dice).filter(|_| updated.check_finite().is_ok());
+    let limit = pruned_to(settings, &mut sample.rng).filter(|_| updated.check_finite().is_ok());
     let perturbed = match limit {
         Some(limit) => Perturbed::pruned(&updated, &inputs, limit),
         None => {
             let actions = match policy {
                 Some(policy) => policy.actions(&outcomes, &updated, settings)?,
-                None => at_random(&updated, settings, &mut sample.dice),
+                None => at_random(&updated, settings, &mut sample.rng),
             };
-            Perturbed::by(&updated, actions, &mut sample.dice)?
+            Perturbed::by(&updated, actions, &mut sample.rng)?
         }
     };
     let truth = sample.velocities.take().map(|truth| match &perturbed.sources {
@@ -229,10 +229,10 @@ struct Perturbed {
 }
 
 impl Perturbed {
-    fn by(set: &GaussianSet, actions: Option<Vec<Action>>, dice: &mut Rng) -> Result<Self> {
+    fn by(set: &GaussianSet, actions: Option<Vec<Action>>, rng: &mut Rng) -> Result<Self> {
         let Some(actions) = actions else { return Ok(Self { set: set.clone(), sources: None }) };
         let sources = densify::origins(&actions).into_iter().chain(set.num_lidar..set.len()).collect();
-        Ok(Self { set: densify::apply(set, &actions, u64::from(dice.bits()))?, sources: Some(sources) })
+        Ok(Self { set: densify::apply(set, &actions, u64::from(rng.bits()))?, sources: Some(sources) })
     }
 
     /// What is left when a scene is pruned by exact effects.
@@ -256,22 +256,22 @@ impl Perturbed {
 
 /// How much pruning by exact effects leaves, in a share of the steps; `None`: there is none.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between the two percentages")]
-fn pruned_to(settings: &Settings, dice: &mut Rng) -> Option<Limit> {
+fn pruned_to(settings: &Settings, rng: &mut Rng) -> Option<Limit> {
     let [least, most] = PRUNED_TO;
-    let pruned = settings.pruned > 0.0 && dice.chance(settings.pruned);
-    pruned.then(|| Limit::Percent(dice.uniform(least, most) as u32))
+    let pruned = settings.pruned > 0.0 && rng.chance(settings.pruned);
+    pruned.then(|| Limit::Percent(rng.uniform(least, most) as u32))
 }
 
 /// Actions at random in a share of the steps, so that the refinement knows sets that a policy has changed; `None`: no change.
-fn at_random(set: &GaussianSet, settings: &Settings, dice: &mut Rng) -> Option<Vec<Action>> {
-    if !dice.chance(settings.perturbed) || set.num_lidar == 0 {
+fn at_random(set: &GaussianSet, settings: &Settings, rng: &mut Rng) -> Option<Vec<Action>> {
+    if !rng.chance(settings.perturbed) || set.num_lidar == 0 {
         return None;
     }
-    let [prune, copy] = PERTURBED.map(|most| dice.uniform(0.0, most));
-    let action = |dice: &mut Rng| match dice.unit() {
+    let [prune, copy] = PERTURBED.map(|most| rng.uniform(0.0, most));
+    let action = |rng: &mut Rng| match rng.unit() {
         u if u < prune => Action::Prune,
         u if u < prune + copy => Action::Copy,
         _ => Action::Keep,
     };
-    Some((0..set.num_lidar).map(|_| action(dice)).collect())
+    Some((0..set.num_lidar).map(|_| action(rng)).collect())
 }

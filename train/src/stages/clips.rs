@@ -60,26 +60,26 @@ impl TrainingClip {
     ///
     /// # Errors
     /// [`EngineError::Leak`] when a frame that is held out was drawn.
-    pub(crate) fn draw(&self, dice: &mut Rng, max_views: usize) -> Result<Draw<'_>> {
+    pub(crate) fn draw(&self, rng: &mut Rng, max_views: usize) -> Result<Draw<'_>> {
         let longest = WINDOWS.into_iter().rev().find(|&n| n <= self.allowed.len()).unwrap_or(1);
-        let length = dice.pick(&WINDOWS).min(longest);
-        let start = dice.index(self.allowed.len() - length + 1);
+        let length = rng.pick(&WINDOWS).min(longest);
+        let start = rng.index(self.allowed.len() - length + 1);
         let window = &self.allowed[start..start + length];
         let hold_out: Vec<usize> = window.iter().copied().skip(1).step_by(2).collect();
         let names: Vec<String> =
             self.dir.clip().frames[window[0]].cameras.iter().map(|record| record.camera.name.clone()).collect();
         let num_inputs = length - hold_out.len();
         let most = (max_views / num_inputs).clamp(1, names.len().max(1));
-        let count = dice.between(1, most);
+        let count = rng.between(1, most);
         let mut cameras = names;
         while cameras.len() > count {
-            cameras.remove(dice.index(cameras.len()));
+            cameras.remove(rng.index(cameras.len()));
         }
         let selection = Selection {
             cameras: Some(cameras),
             frames: Some(window.to_vec()),
             hold_out,
-            image_size: self.image_size(window[0], dice.uniform(SCALES[0], SCALES[1])),
+            image_size: self.image_size(window[0], rng.uniform(SCALES[0], SCALES[1])),
         };
         if let Some(&frame) = window.iter().find(|frame| !self.allowed.contains(frame)) {
             return Err(EngineError::Leak { frame }.into());

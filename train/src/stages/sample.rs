@@ -48,7 +48,7 @@ pub struct Sample {
     /// True velocities of the initial Gaussians, where boxes tell them and other timestamps can show them.
     pub(crate) velocities: Option<TrueVelocities>,
     /// Draws for what the step itself leaves to chance.
-    pub(crate) dice: Rng,
+    pub(crate) rng: Rng,
 }
 
 /// The sample of a step: the same for a seed and a step, whatever came before.
@@ -56,17 +56,17 @@ pub struct Sample {
 /// # Errors
 /// Whatever is wrong with the clip that was drawn, and more of it than there is memory for.
 pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<Sample> {
-    let mut dice = Rng::new(settings.seed, step);
-    let clip = &clips[dice.index(clips.len())];
-    let draw = clip.draw(&mut dice, settings.max_views)?;
-    let (frame, mut watch) = (clip_frame(&draw, &mut dice)?, Watch::new(&Silent));
+    let mut rng = Rng::new(settings.seed, step);
+    let clip = &clips[rng.index(clips.len())];
+    let draw = clip.draw(&mut rng, settings.max_views)?;
+    let (frame, mut watch) = (clip_frame(&draw, &mut rng)?, Watch::new(&Silent));
     let opening = Opening { clip_frame: Some(frame), memory: VIEWS, ..Opening::of(draw.selection().clone()) };
     let mut changed = None;
     let session = Session::open_changed(Arc::clone(draw.dir()), opening.as_stated(), &mut watch, |inputs| {
-        let light = Light::draw(&mut dice);
+        let light = Light::draw(&mut rng);
         let window = inputs.first().map(|view| {
             let size = [view.pinhole.height, view.pinhole.width];
-            Window::draw(&mut dice, size, settings.crop)
+            Window::draw(&mut rng, size, settings.crop)
         });
         let change = move |view: &mut View| {
             if let Some(window) = window {
@@ -76,7 +76,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         };
         inputs.iter_mut().for_each(change);
         if settings.noise > 0.0 {
-            add_noise(inputs, settings.noise, &mut dice);
+            add_noise(inputs, settings.noise, &mut rng);
         }
         changed = Some(change);
     })?;
@@ -85,7 +85,7 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         targets.iter_mut().for_each(change);
     }
     let frames = session.frames().clone();
-    let begun = Start { coarseness: coarseness(&mut dice), ..Start::default() };
+    let begun = Start { coarseness: coarseness(&mut rng), ..Start::default() };
     let mut scene = session.run(&Run::initial(begun), &mut watch)?.scene;
     let mut inputs = session.into_views();
     let mut velocities = (settings.velocity > 0.0 && frames.input.len() > 1)
@@ -93,34 +93,34 @@ pub fn sample(clips: &[TrainingClip], settings: &Settings, step: u64) -> Result<
         .flatten();
     keep_nearby(&mut scene, &mut velocities, &inputs.iter().chain(&targets).collect::<Vec<_>>());
     check_refinement([scene.num_lidar, scene.len() - scene.num_lidar], None, CROP)?;
-    if dice.chance(DISTURBED) {
-        disturb(&mut scene, &mut dice);
+    if rng.chance(DISTURBED) {
+        disturb(&mut scene, &mut rng);
     }
     // Without a share nothing is drawn: runs from before there was one go on as they were.
-    if settings.mirrored > 0.0 && dice.chance(settings.mirrored) {
+    if settings.mirrored > 0.0 && rng.chance(settings.mirrored) {
         let num_inputs = inputs.len();
         inputs.append(&mut targets);
         mirror(&mut scene, &mut inputs);
         velocities.iter_mut().for_each(TrueVelocities::mirror);
         targets = inputs.split_off(num_inputs);
     }
-    Ok(Sample { step, scene, inputs, targets, velocities, dice })
+    Ok(Sample { step, scene, inputs, targets, velocities, rng })
 }
 
 /// How coarse the initial Gaussians of a step are.
-fn coarseness(dice: &mut Rng) -> Coarseness {
+fn coarseness(rng: &mut Rng) -> Coarseness {
     let [least, most] = COARSENESS;
-    let usual = dice.chance(USUAL);
-    let other = Coarseness::new(dice.uniform(least, most));
+    let usual = rng.chance(USUAL);
+    let other = Coarseness::new(rng.uniform(least, most));
     other.filter(|_| !usual).unwrap_or_default()
 }
 
 /// The clip frame of a draw, turned about its vertical axis and moved.
-fn clip_frame(draw: &Draw<'_>, dice: &mut Rng) -> Result<ClipFrame> {
+fn clip_frame(draw: &Draw<'_>, rng: &mut Rng) -> Result<ClipFrame> {
     let clip = draw.dir().clip();
     let first = draw.selection().frames(clip)?.input.first().copied().unwrap_or(0);
     let own = ClipFrame::of(clip, first);
-    let turn = rotation_z(dice.uniform(0.0, std::f64::consts::TAU));
-    let offset = [dice.uniform(-MOVED, MOVED), dice.uniform(-MOVED, MOVED), dice.uniform(-0.5, 0.5)];
+    let turn = rotation_z(rng.uniform(0.0, std::f64::consts::TAU));
+    let offset = [rng.uniform(-MOVED, MOVED), rng.uniform(-MOVED, MOVED), rng.uniform(-0.5, 0.5)];
     Ok(ClipFrame { clip_from_world: Pose::new(turn, offset.into()) * own.clip_from_world, ..own })
 }

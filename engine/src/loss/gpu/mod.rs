@@ -83,15 +83,15 @@ impl LossSums {
             let size = [view.pinhole.width, view.pinhole.height].map(to_u32);
             let margin = to_u32(WINDOW - 1);
             let centres = if size.iter().all(|&side| side > margin) { size.map(|side| side - margin) } else { [0; 2] };
-            let of = OfView {
+            let part = OfView {
                 counts: LossCounts::of(view),
                 first,
                 pixels: size.map(|side| side.div_ceil(BLOCK)),
                 centres: centres.map(|side| side.div_ceil(BLOCK)),
                 size: centres,
             };
-            first += CHANNELS * of.pixels[0] * of.pixels[1];
-            of
+            first += CHANNELS * part.pixels[0] * part.pixels[1];
+            part
         };
         let views: Vec<OfView> = views.iter().map(of_view).collect();
         let similarities = work.buffer::<f32>("sums of similarities", first as usize)?;

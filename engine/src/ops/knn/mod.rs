@@ -1,7 +1,8 @@
 //! Exact nearest neighbours of the points of a set.
 //!
 //! What is near a place `kiddo` finds ([`Space`]). Neighbours of the points themselves, ties by index, a tree of our own finds: it skips
-//! what is of one timestamp, and asks for all points of a leaf together. Host only: indices have no gradient.
+//! what is of one timestamp, and asks for all points of a leaf together. Among other timestamps it is three times as fast as a tree of `kiddo`
+//! (`cargo bench -p lgs-tests --bench network -- other_times`). Host only: indices have no gradient.
 
 mod batch;
 mod cpu;

@@ -149,8 +149,13 @@ mod tests {
     }
 
     #[test]
-    fn the_words_of_layouts_are_those_of_the_library() {
+    fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
         Args::command().debug_assert();
+        assert_eq!(lgs_cli::flags_without_default(&Args::command()), [""; 0]);
+    }
+
+    #[test]
+    fn the_words_of_layouts_are_those_of_the_library() {
         let words = LayoutArg::value_variants().iter().filter_map(|arg| Some((arg.to_possible_value()?, arg.layout())));
         assert!(words.clone().count() == Layout::ALL.len());
         assert!(words.into_iter().all(|(word, layout)| word.get_name() == layout.to_string()));

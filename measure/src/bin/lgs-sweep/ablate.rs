@@ -8,7 +8,7 @@ use lgs_engine::evaluate::lpips::Lpips;
 use lgs_formats::digest::sha256;
 use lgs_measure::ablate::{
     job::{AblationJob, Hashed, Observer},
-    record::ClipRecord,
+    record::AblationRecord,
     settings::STEPS,
 };
 use lgs_train::stages::clips::find;
@@ -68,7 +68,7 @@ impl Observer for Watch {
         self.bar.inc(steps);
     }
 
-    fn end(&self, record: &ClipRecord, left_out: u64) {
+    fn end(&self, record: &AblationRecord, left_out: u64) {
         self.bar.inc(left_out);
         let text = |psnr: Option<f64>| psnr.map_or("–".to_owned(), |psnr| format!("{psnr:.2}"));
         let learned = [0, STEPS].map(|steps| text(record.learned_at(steps).and_then(|point| point.figures.psnr)));

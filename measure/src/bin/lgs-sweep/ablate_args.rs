@@ -34,7 +34,7 @@ pub(crate) struct AblateArgs {
     /// Weights to measure: a file, or `tiny`, which ship in the program
     #[arg(long, value_name = "FILE|tiny")]
     pub(crate) weights: ModelSource,
-    /// Scenes that means and tests are taken over: clip directories, or directories of such
+    /// Scenes that means and tests are taken over: clip directories, or directories of such [default: none]
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub(crate) scenes: Vec<PathBuf>,
     /// At most so many scenes [default: all]
@@ -52,7 +52,7 @@ pub(crate) struct AblateArgs {
     /// Where the initial velocities in the scenes come from
     #[arg(long, value_enum, default_value_t = MotionArg::Registered)]
     pub(crate) motion: MotionArg,
-    /// A clip that stands for itself, with its own options; may be given several times
+    /// A clip that stands for itself, with its own options; may be given several times [default: none]
     #[arg(
         long = "clip",
         value_name = "DIR[;hold-out=RULE][;cameras=A,B][;image-size=HxW][;frames=N][;motion=registered|none]"

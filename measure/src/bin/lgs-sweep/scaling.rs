@@ -18,7 +18,7 @@ use lgs_measure::{
         job::{Meter, ScalingFindings, ScalingJob},
         measure::{Bench, Space, Times},
         plan::Axis,
-        record::{CacheKey, SIZE_FORMAT},
+        record::{SIZE_FORMAT, ScalingKey},
         table::PartRow,
     },
 };
@@ -64,7 +64,7 @@ fn measure(args: &SweepArgs, threads: usize, weights: Option<String>) -> Result<
     let program = std::env::current_exe().context("this program: find")?;
     let [repeats, _] = args.rounds();
     let machine = Machine::this(&program, threads)?;
-    let key = CacheKey { format: SIZE_FORMAT.to_owned(), weights, seed: args.seed, repeats, machine };
+    let key = ScalingKey { format: SIZE_FORMAT.to_owned(), weights, seed: args.seed, repeats, machine };
     let meter = Others { program };
     let job = ScalingJob { plan: args.scaling.plan(), key, out: output_dir(args.out.as_deref())?, meter: &meter };
     let teller = Teller::new(job.total_weight());

@@ -14,7 +14,7 @@ use crate::{error::Result, machine::Machine};
 
 use super::{
     budget::BudgetRow,
-    record::{ClipRecord, Failed},
+    record::{Failed, SweepRecord},
     table::PointRow,
 };
 use budgets::budget_table;
@@ -30,7 +30,7 @@ const SCRIPT: &str = include_str!("script.js");
 #[derive(Clone, Copy, Debug)]
 pub struct Chapter<'a> {
     /// What was found on it.
-    pub record: &'a ClipRecord,
+    pub record: &'a SweepRecord,
     /// The same as rows.
     pub rows: &'a [PointRow],
     /// Of each row, the command that runs it.

@@ -337,6 +337,8 @@ fn parse_name(text: &str) -> Result<String, String> {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
     use super::*;
 
     fn parse(line: &str) -> ScenesArgs {
@@ -344,6 +346,12 @@ mod tests {
             Command::Scenes(args) => args,
             other => panic!("expected scenes, found {other:?}"),
         }
+    }
+
+    #[test]
+    fn the_definition_is_sound_and_every_flag_says_its_default_or_needs_none() {
+        Cli::command().debug_assert();
+        assert_eq!(lgs_cli::flags_without_default(&Cli::command()), [""; 0]);
     }
 
     #[test]

@@ -12,10 +12,10 @@ const DEFAULTS: Defaults = Defaults { steps: 20_000, rate: 1e-3, calibration: 60
 /// Flags of `backbone`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct BackboneArgs {
-    /// Size of the model; of a new run from nothing
+    /// Size of the model; of a new run from nothing [default: that of --weights or --resume]
     #[arg(long, value_name = "JSON", required_unless_present_any = ["resume", "weights"], conflicts_with = "weights")]
     pub(crate) config: Option<PathBuf>,
-    /// Weights to start from, as this stage wrote them; of a new run
+    /// Weights to start from, as this stage wrote them; of a new run [default: none]
     #[arg(long, value_name = "FILE")]
     pub(crate) weights: Option<PathBuf>,
     /// Share of the steps with random pruning and copying, 0 to 1

@@ -13,7 +13,7 @@ const DEFAULTS: Defaults = Defaults { steps: 20_000, rate: 2e-4, calibration: 0 
 /// Flags of `finetune`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct FinetuneArgs {
-    /// Weights to start from, as `policy` wrote them; of a new run
+    /// Weights to start from, as `policy` wrote them; of a new run [default: those of --resume]
     #[arg(long, value_name = "FILE", required_unless_present = "resume")]
     pub(crate) weights: Option<PathBuf>,
     /// Score above which a primitive is pruned, 0 to 1

@@ -24,7 +24,7 @@ pub(crate) struct PolicyArgs {
     /// At most so many clips are measured on
     #[arg(long, value_name = "N", default_value_t = 8)]
     pub(crate) validation_clips: usize,
-    /// Clips that the shards were made of, for features that shards do not hold: what lgs-targetgen was given
+    /// Clips that the shards were made of, for features that shards do not hold: what lgs-targetgen was given [default: none]
     #[arg(long, value_name = "CLIPS", num_args = 1..)]
     pub(crate) clips: Vec<PathBuf>,
     /// Computes all features from --clips with --weights; targets may then have been made with other weights

@@ -16,10 +16,10 @@ pub(crate) struct ShipArgs {
     /// Stores the values in half precision; measure the result, not the original
     #[arg(long, conflicts_with = "ablation")]
     pub(crate) half: bool,
-    /// Writes the card instead of the weights: directory of the ablation of exactly these weights
+    /// Writes the card instead of the weights: directory of the ablation of exactly these weights [default: none]
     #[arg(long, value_name = "DIR", requires = "notes")]
     pub(crate) ablation: Option<PathBuf>,
-    /// Markdown page on data and training for the card
+    /// Markdown page on data and training for the card [default: none]
     #[arg(long, value_name = "FILE", requires = "ablation")]
     pub(crate) notes: Option<PathBuf>,
     /// Directory to write to: `models` of the repository, from which builds take what ships

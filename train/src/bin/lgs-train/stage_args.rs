@@ -74,7 +74,7 @@ pub(crate) struct RenderingArgs {
     /// Frames of these clips that are never read: none, odd, every:N, or indices
     #[arg(long, value_name = "RULE", default_value = "none")]
     pub(crate) hold_out: HoldOut,
-    /// Clips to measure on, as --clips; their odd frames are held out
+    /// Clips to measure on, as --clips; their odd frames are held out [default: none]
     #[arg(long, value_name = "DIR", num_args = 0..)]
     pub(crate) validation: Vec<PathBuf>,
     /// At most so many validation clips

@@ -158,14 +158,14 @@ impl Task for PolicyTask {
 }
 
 /// At most `most` primitives: those that lie nearest, seen from above, to one that has a target.
-fn around_one(clip: &PolicyClip, most: usize, dice: &mut Rng) -> Vec<usize> {
+fn around_one(clip: &PolicyClip, most: usize, rng: &mut Rng) -> Vec<usize> {
     let n = clip.set.len();
     let mut chosen: Vec<usize> = (0..n).collect();
     if n <= most || clip.targets.index.is_empty() {
         chosen.truncate(most);
         return chosen;
     }
-    let centre = clip.set.attributes[clip.targets.index[dice.index(clip.targets.index.len())] as usize];
+    let centre = clip.set.attributes[clip.targets.index[rng.index(clip.targets.index.len())] as usize];
     let distance = |&i: &usize| {
         let row = clip.set.attributes[i];
         let [x, y] = [0, 1].map(|k| f64::from(row[k]) - f64::from(centre[k]));

@@ -132,10 +132,10 @@ impl ShardClips {
     /// Whatever is wrong with the shard.
     pub(crate) fn draw(&self, seed: u64, step: u64) -> Result<PolicyClip> {
         let total = self.files.iter().map(|file| file.clips.len() as u64).sum::<u64>().max(1);
-        let mut dice = Rng::new(seed, EPOCHS | (step / total));
+        let mut rng = Rng::new(seed, EPOCHS | (step / total));
         let mut at = usize::try_from(step % total).unwrap_or_default();
-        for file in shuffled(self.files.iter().collect(), &mut dice) {
-            let names = shuffled(file.clips.iter().collect(), &mut dice);
+        for file in shuffled(self.files.iter().collect(), &mut rng) {
+            let names = shuffled(file.clips.iter().collect(), &mut rng);
             match names.get(at) {
                 Some(name) => return self.read(&file.path, name),
                 None => at -= names.len(),
@@ -227,9 +227,9 @@ fn check_signal(path: &Path, config: &TargetsConfig, first: Option<Signal>) -> R
     }
 }
 
-fn shuffled<T>(mut items: Vec<T>, dice: &mut Rng) -> Vec<T> {
+fn shuffled<T>(mut items: Vec<T>, rng: &mut Rng) -> Vec<T> {
     for i in (1..items.len()).rev() {
-        items.swap(i, dice.index(i + 1));
+        items.swap(i, rng.index(i + 1));
     }
     items
 }
