@@ -103,7 +103,7 @@ fn limit() -> Outcome {
     let street = clips::street();
     let unfit = [street.as_os_str(), "--weights".as_ref(), "none".as_ref(), "--density".as_ref(), "exact".as_ref()];
     run(&binary("lgs-infer")?, &unfit, place.path())?.expect_refusal(&["--density exact", "--weights none"])?;
-    let usual = infer(place.path(), "usual", &["--density", "exact"])?;
+    let usual = infer(place.path(), "usual", &[])?;
     let left = count(&usual, "final")? + count(&usual, "background")?;
     if left != (lidar + behind) * 70 / 100 || usual["config"]["max_gaussians"] != "70%" {
         return Err(format!("where nobody names a limit: {}", usual["gaussians"]).into());

@@ -8,15 +8,19 @@ use crate::gaussians::GaussianSet;
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::loss::{LossWeights, pixel_costs};
 use crate::objective::BEHIND;
-use crate::render::{Effect, Projection, effects, halving, longest_axes};
+use crate::render::{Effect, PixelCosts, Projection, effects, halving, longest_axes};
 use crate::views::View;
 
-pub use rounds::{num_rounds, prune, survivors};
+pub use rounds::{keep, num_rounds, survivors};
 
 /// How many of the pixels that hide a Gaussian from the input views show it in views between them, as far as a prior can tell. Held-out PSNR of
 /// half the Gaussians after three learned steps, on the front cameras of two data sets: 22.55 and 29.11 dB at 0, 22.90 and 29.19 at 0.1, 22.86 and
 /// 29.19 at 0.3, 22.76 and 29.05 at 1.
 const UNHIDDEN: f64 = 0.2;
+/// How much more than an absolute error the square of one counts where Gaussians are to go. The loss mends no spot that has lost much: of all that
+/// pruning costs, most lies in one pixel of a hundred. Held-out PSNR of four clips, the mean, of 70 % of the scene at 0, 10, 30, 100, 300 and 1000, a
+/// step ahead: 25.92, 25.99, 26.03, 26.07, 26.08 and 26.07 dB; without the loss beside them depth errors grow by 6 %.
+const SQUARES: f32 = 100.0;
 /// Keeps a division defined where a Gaussian shows hardly a pixel: a square of blending weights, pixels.
 const FAINT: f64 = 0.05;
 
@@ -42,21 +46,25 @@ impl Evidence {
         let splats = to_physical(set);
         let pinholes: Vec<_> = views.iter().map(|view| &view.pinhole).collect();
         let axes = longest_axes(&splats, &pinholes);
-        Self::seen(&splats, axes, views, weights)
+        Self::seen(&splats, axes, views, (weights, 0.0))
     }
 
-    /// The same without what concerns halves: what pruning needs, in less time.
+    /// What pruning needs: nothing of halves, and removals by the loss and the squared errors of colours.
+    ///
+    /// # Formula
+    /// That of [`effects`], `per_square = 100 per_colour`.
     pub fn of_removals(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Self {
-        Self::seen(&to_physical(set), Vec::new(), views, weights)
+        Self::seen(&to_physical(set), Vec::new(), views, (weights, SQUARES))
     }
 
-    /// What the views show of the halves along the axes, or without axes, of no halves.
-    fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], weights: &LossWeights) -> Self {
+    /// What the views show of the halves along the axes, or without axes, of no halves, where squared errors count so much more than absolute ones.
+    fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], (weights, by_square): (&LossWeights, f32)) -> Self {
         let mut all = vec![Effect::default(); splats.len()];
         let (mut loss, mut squares, mut pixels) = (0.0, 0.0, 0.0);
         for view in views {
             let state = Projection::new(splats, &view.pinhole).render_through(&view.pinhole, BEHIND);
             let costs = pixel_costs(&state.images, view, weights);
+            let costs = PixelCosts { per_square: by_square * costs.per_colour, ..costs };
             loss += costs.loss;
             squares += costs.residual.iter().map(|&r| f64::from(r).powi(2)).sum::<f64>();
             pixels += costs.counted.iter().map(|&counted| f64::from(counted)).sum::<f64>();
@@ -110,7 +118,7 @@ fn gain(effect: &Effect) -> f64 {
 mod tests {
     use super::samples::{scene, view};
     use super::*;
-    use crate::render::{PixelCosts, Rendered};
+    use crate::render::Rendered;
 
     /// What the costs say of a picture in place of another, pixel by pixel.
     fn change(costs: &PixelCosts, before: &Rendered, after: &Rendered) -> f64 {
@@ -120,7 +128,8 @@ mod tests {
                 let colours = (3 * p..3 * p + 3).map(|k| {
                     let (old, step) = (f64::from(costs.residual[k]), f64::from(after.rgb[k] - before.rgb[k]));
                     let size = f64::from(costs.per_colour * costs.counted[p]) * ((old + step).abs() - old.abs());
-                    size + f64::from(costs.slopes[k]) * step
+                    let square = f64::from(costs.per_square * costs.counted[p]) * (2.0 * old + step) * step;
+                    size + square + f64::from(costs.slopes[k]) * step
                 });
                 let error = |depth: f32| f64::from((depth - costs.depth[p]).abs());
                 let depth = if costs.depth[p] > 0.0 { error(expected[1][p]) - error(expected[0][p]) } else { 0.0 };
@@ -132,7 +141,8 @@ mod tests {
     #[test]
     fn removals_are_the_same_without_halves() {
         let (set, view, weights) = (scene(0.0), view(), LossWeights::default());
-        let [with, without] = [Evidence::of, Evidence::of_removals].map(|of| of(&set, &[&view], &weights));
+        let with = Evidence::of(&set, &[&view], &weights);
+        let without = Evidence::seen(&to_physical(&set), Vec::new(), &[&view], (&weights, 0.0));
         assert_eq!((with.costs(), with.loss), (without.costs(), without.loss));
         assert!(without.effects.iter().all(|effect| effect.squares == [0.0; 3]) && without.axes.is_empty());
     }
@@ -141,13 +151,14 @@ mod tests {
     #[test]
     fn a_removal_is_what_the_picture_without_it_costs() {
         let view = view();
-        for opacity in [-1.0, 6.0] {
+        for (opacity, squares) in [(-1.0, 0.0), (6.0, 0.0), (-1.0, SQUARES), (6.0, SQUARES)] {
             let set = scene(opacity);
             let splats = to_physical(&set);
             let base = Projection::new(&splats, &view.pinhole);
             let state = base.clone().render_through(&view.pinhole, BEHIND);
             let costs = pixel_costs(&state.images, &view, &LossWeights::default());
-            let found = Evidence::of(&set, &[&view], &LossWeights::default());
+            let costs = PixelCosts { per_square: squares * costs.per_colour, ..costs };
+            let found = Evidence::seen(&splats, Vec::new(), &[&view], (&LossWeights::default(), squares));
             let mut largest = 0.0_f64;
             for i in 0..set.len() {
                 let gone: Vec<bool> = (0..set.len()).map(|k| k == i).collect();

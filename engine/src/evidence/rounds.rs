@@ -65,18 +65,15 @@ pub fn survivors(
     kept
 }
 
-/// Prunes a scene to its [`survivors`].
-pub fn prune(
-    scene: &mut GaussianSet,
-    views: &[&View],
-    scope: Scope,
-    limit: Option<Limit>,
-    done: &mut dyn FnMut(),
-) -> UpdateCounts {
-    let before = [scene.num_lidar, scene.len() - scene.num_lidar];
-    *scene = of_rows(scene, &survivors(scene, views, scope, limit, done));
-    let [pruned, background_pruned] = [before[0] - scene.num_lidar, before[1] - (scene.len() - scene.num_lidar)];
-    UpdateCounts { pruned, added: 0, background_pruned }
+/// Takes out of a scene all but these rows, which are in its order; what that took.
+pub fn keep(scene: &mut GaussianSet, rows: &[usize]) -> UpdateCounts {
+    let before = [scene.num_lidar, scene.num_background()];
+    *scene = of_rows(scene, rows);
+    UpdateCounts {
+        pruned: before[0] - scene.num_lidar,
+        added: 0,
+        background_pruned: before[1] - scene.num_background(),
+    }
 }
 
 /// The scene of some rows of another, in their order.
@@ -109,7 +106,8 @@ mod tests {
             (Scope::Lidar, Limit::Count(17), [Some(17), Some(37)]),
         ] {
             let (mut pruned, mut rounds) = (scene(0.0), 0);
-            let counts = prune(&mut pruned, &[&view], scope, Some(limit), &mut || rounds += 1);
+            let rows = survivors(&pruned, &[&view], scope, Some(limit), &mut || rounds += 1);
+            let counts = keep(&mut pruned, &rows);
             let first = if scope == Scope::All { 80 } else { 60 };
             assert_eq!((rounds, pruned.len()), (num_rounds(first, Some(limit)), left[1].unwrap()), "{limit}");
             assert!(left[0].is_none_or(|lidar| lidar == pruned.num_lidar), "{limit}");
@@ -131,7 +129,8 @@ mod tests {
         let loss = |set: &GaussianSet| crate::objective::objective(set, &[&view], &LossWeights::default()).loss;
         let before = scene(2.0);
         let mut after = before.clone();
-        let counts = prune(&mut after, &[&view], Scope::All, None, &mut || ());
+        let rows = survivors(&before, &[&view], Scope::All, None, &mut || ());
+        let counts = keep(&mut after, &rows);
         assert!(counts.pruned > 0 && loss(&after) < loss(&before), "{} {}", loss(&after), loss(&before));
         assert!(after.len() >= before.len() - WITHOUT_LIMIT * (before.len() / TENTH));
     }

@@ -44,6 +44,7 @@ pub fn pixel_costs(rendered: &Rendered, view: &View, weights: &LossWeights) -> P
         residual,
         counted: (0..width * height).map(|pixel| if ignored(pixel) { 0.0 } else { 1.0 }).collect(),
         per_colour: per([1.0, 0.0, 0.0]),
+        per_square: 0.0,
         slopes,
         depth,
         per_depth: per([0.0, 0.0, 1.0]),

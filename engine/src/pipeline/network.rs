@@ -4,10 +4,10 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Stage, Watch};
+use super::{Pruning, Stage, Watch};
 use crate::densify::{self, Density, DensityMap, Limit, Scope, Scores, Thresholds, UpdateCounts};
 use crate::error::{EngineError, Result};
-use crate::evidence::{num_rounds, prune};
+use crate::evidence::keep;
 use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
@@ -98,11 +98,12 @@ pub fn run_network(
     let (mut update, mut density) = (UpdateCounts::default(), None);
     if settings.density == Density::Exact {
         MemoryEstimate::of_set(scene).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
-        let (scope, limit) = (settings.density_scope, settings.max_gaussians);
-        let rounds = num_rounds(if scope == Scope::All { scene.len() } else { scene.num_lidar }, limit);
-        update = watch.stage(Stage::SetUpdate, rounds, |progress| {
-            prune(scene, views, scope, limit, &mut || progress.step(Stage::SetUpdate))
-        });
+        let (scope, limit, refine) = (settings.density_scope, settings.max_gaussians, settings.refine);
+        let pruning = Pruning { scope, limit, refine };
+        let rows = watch.stage(Stage::SetUpdate, pruning.parts(scene), |progress| {
+            pruning.needed(scene, [views; 2], model, &mut || progress.step(Stage::SetUpdate))
+        })?;
+        update = keep(scene, &rows);
     } else if set_update_skipped.is_none()
         && let Some([prune, add]) = watch.stage(Stage::Policy, 1, |_| scores(&features, scene, model))?
     {

@@ -93,12 +93,15 @@ pub const KNOBS: [Knob; 15] = [
     },
     Knob {
         name: "density",
-        usual: "policy",
+        usual: "exact",
         value: "WORD",
-        help: "Who prunes and adds Gaussians [default: policy]",
+        help: "Who prunes and adds Gaussians [default: exact]",
         words: &[
+            (
+                "exact",
+                "What the input views show of each once the scene is refined a little: those go that cost least, measured in rounds",
+            ),
             ("policy", "The learned policy, of the LiDAR's"),
-            ("exact", "What the input views show of each: those go that cost least, measured in rounds"),
             ("random", "Chance, as often as the policy would, of the LiDAR's: the ablation"),
             ("off", "Nobody: the set stays as it is"),
         ],
@@ -150,7 +153,7 @@ pub const KNOBS: [Knob; 15] = [
     },
     Knob {
         name: "max-gaussians",
-        usual: "",
+        usual: "70%",
         value: "N|P%|none",
         help: "Largest number of Gaussians after pruning and adding, such as 50000, or share of those before, such as 70%: of the whole scene \
                with exact effects, of the LiDAR's with a policy; none: as the effects or scores ask for [default: 70% with exact effects, \
@@ -167,7 +170,7 @@ pub const KNOBS: [Knob; 15] = [
             Some(limit) => Some(json!(limit)),
             None => (recipe.density == Density::Exact).then(|| json!("none")),
         },
-        always: false,
+        always: true,
     },
     Knob {
         name: "refine-with",
@@ -388,7 +391,7 @@ mod tests {
         }
         assert_eq!(again, other);
         assert!(again.set("colour", "red").is_err_and(|said| said.contains("found colour")));
-        let free = Recipe { max_gaussians: None, ..usual.with_density(Density::Exact) };
+        let free = Recipe { max_gaussians: None, ..usual };
         let (name, value) = free.options().into_iter().find(|(name, _)| *name == "max-gaussians").unwrap();
         assert_eq!((name, value.as_str()), ("max-gaussians", "none"));
     }

@@ -59,17 +59,17 @@ pub struct Recipe {
 }
 
 impl Default for Recipe {
-    /// Everything, and three learned steps: the paper's.
+    /// The network with its query, pruning by exact effects, and three learned steps.
     fn default() -> Self {
         Self {
             background: Mode::Auto,
             coarseness: Coarseness::default(),
             network: true,
             query: true,
-            density: Density::Policy,
+            density: Density::Exact,
             density_scope: Scope::All,
             thresholds: Thresholds::default(),
-            max_gaussians: usual_limit(Density::Policy),
+            max_gaussians: usual_limit(Density::Exact),
             refine_steps: 3,
             adam_steps: 0,
             refine_views: None,
@@ -169,14 +169,17 @@ mod tests {
     #[test]
     fn flags_say_what_is_not_as_usual() {
         let usual = Recipe::default();
-        assert_eq!(usual.flags(), as_flags("background auto, query on, density policy, refine-steps 3"));
-        let exact = usual.with_density(Density::Exact);
-        assert!(exact.flags().contains(&as_flags("density exact, max-gaussians 70%, refine-steps 3")));
+        assert_eq!(
+            usual.flags(),
+            as_flags("background auto, query on, density exact, max-gaussians 70%, refine-steps 3")
+        );
+        let policy = usual.with_density(Density::Policy);
+        assert!(policy.flags().contains(&as_flags("density policy, refine-steps 3")));
         let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
         assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
         let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
         assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
-        let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..usual };
+        let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..policy };
         assert!(eager.flags().contains(&as_flags("density policy, theta-prune 0.9, theta-add 0.5, refine-steps 3")));
     }
 }

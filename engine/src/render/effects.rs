@@ -30,6 +30,8 @@ pub struct PixelCosts {
     pub counted: Vec<f32>,
     /// What an absolute error of 1 in one channel of one pixel costs.
     pub per_colour: f32,
+    /// What a squared error of 1 in one channel of one pixel costs beside it.
+    pub per_square: f32,
     /// `[H, W, 3]` gradient by the colours of the terms that count as linear.
     pub slopes: Vec<f32>,
     /// `[H, W]` true depth, metres; 0 where it is not known or takes no part.
@@ -88,8 +90,8 @@ const MOST_ODDS: f32 = 60.0;
 /// the second's grows for a pixel to the right, and down; 0 at the Gaussian's centre. Result `[num_visible]`.
 ///
 /// # Formula
-/// `removal = sum_p per_colour sum_c (|r + d_c| - |r|) + slopes . d + per_depth (|e' - depth| - |e - depth|)`, d the change of the colours as
-/// the module says, e and e' the expected depths; `s = 1 / (1 + 2^-(halving . (p - centre)))`.
+/// `removal = sum_p sum_c (per_colour (|r + d_c| - |r|) + per_square ((r + d_c)^2 - r^2)) + slopes . d + per_depth (|e' - depth| - |e - depth|)`,
+/// d the change of the colours as the module says, e and e' the expected depths; `s = 1 / (1 + 2^-(halving . (p - centre)))`.
 pub fn effects(state: &RenderedWithState, costs: &PixelCosts, halving: Option<&[[f32; 2]]>) -> Vec<Effect> {
     let without =
         |[removal, shown, covered]: [f64; WITHOUT_HALVES]| Effect { removal, shown, covered, ..Effect::default() };
@@ -115,7 +117,7 @@ fn sums_of<const M: usize>(state: &RenderedWithState, costs: &PixelCosts, halvin
         let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
         load(&mut planes, state, tile, costs);
         let stops = state.stops_of(tile);
-        let per = [costs.per_colour, costs.per_depth];
+        let per = [costs.per_colour, costs.per_square, costs.per_depth];
         arch.dispatch(TileEffects { lists, tile, stops, planes: &mut planes, per, halving, out });
     });
     over_tiles(lists, &all)
@@ -145,7 +147,7 @@ struct TileEffects<'a, const M: usize> {
     tile: usize,
     stops: &'a [f32],
     planes: &'a mut [f32],
-    per: [f32; 2],
+    per: [f32; 3],
     halving: &'a [[f32; 2]],
     out: &'a mut [[f32; M]],
 }
@@ -189,15 +191,15 @@ struct OpenTile<'a, S: Simd> {
     stops: &'a [S::f32s],
     /// Pixel (x, y) of the upper left corner.
     origin: [usize; 2],
-    /// What an error of 1 costs: of colour, of depth.
-    per: [S::f32s; 2],
+    /// What an error of 1 costs: of colour, of its square, of depth.
+    per: [S::f32s; 3],
 }
 
 impl<S: Simd> OpenTile<'_, S> {
     /// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
     #[inline(always)]
     fn walk<const M: usize>(&mut self, half: &Half<'_>, position: f32) -> [f32; M] {
-        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_depth] } = *self;
+        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_square, per_depth] } = *self;
         let Half { footprint: f, halving } = half;
         let per_plane = TILE_PIXELS / S::F32_LANES;
         let per_row = TILE_WIDTH / S::F32_LANES;
@@ -238,7 +240,10 @@ impl<S: Simd> OpenTile<'_, S> {
                     planes[at(10 + c)] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
                     let residual = planes[at(c)];
                     let size = simd.abs_f32s(simd.add_f32s(residual, change));
-                    colours = simd.add_f32s(colours, simd.sub_f32s(size, simd.abs_f32s(residual)));
+                    let by_size = simd.mul_f32s(per_colour, simd.sub_f32s(size, simd.abs_f32s(residual)));
+                    let by_square =
+                        simd.mul_f32s(per_square, simd.add_f32s(simd.add_f32s(residual, residual), change));
+                    colours = simd.add_f32s(colours, simd.mul_add_f32s(by_square, change, by_size));
                     linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
                     if M == SUMS {
                         sums[3 + c] = simd.mul_add_f32s(first, residual, sums[3 + c]);
@@ -259,7 +264,7 @@ impl<S: Simd> OpenTile<'_, S> {
                 let nearer = simd.sub_f32s(simd.abs_f32s(after), simd.abs_f32s(before));
                 let known = simd.and_m32s(live, simd.greater_than_f32s(truth, zero));
                 let by_depth = simd.select_f32s(known, simd.mul_f32s(per_depth, nearer), zero);
-                let by_colour = simd.mul_add_f32s(simd.mul_f32s(per_colour, counted), colours, linear);
+                let by_colour = simd.mul_add_f32s(counted, colours, linear);
                 sums[0] = simd.add_f32s(sums[0], simd.add_f32s(by_colour, by_depth));
                 sums[1] = simd.add_f32s(sums[1], w_counted);
                 sums[2] = simd.mul_add_f32s(alpha, counted, sums[2]);

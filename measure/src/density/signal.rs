@@ -4,8 +4,10 @@ use std::{fmt, str::FromStr};
 
 use lgs_engine::{
     densify::{Limit, Scope},
-    evidence::survivors,
     gaussians::{GaussianSet, LOGIT_OPACITY},
+    network::model::Model,
+    pipeline::Pruning,
+    refine::RefineSettings,
     views::View,
 };
 use rand_chacha::{
@@ -15,6 +17,7 @@ use rand_chacha::{
 use serde::{Deserialize, Serialize};
 
 use super::entropy::entropy_of;
+use crate::error::Result;
 
 /// What decides which Gaussians stay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -41,6 +44,10 @@ pub struct Seen<'a> {
     pub inputs: &'a [&'a View],
     /// Its held-out views.
     pub held_out: &'a [View],
+    /// Who refines it.
+    pub model: &'a Model,
+    /// How.
+    pub refine: RefineSettings,
     /// Seed of chance.
     pub seed: u64,
 }
@@ -61,21 +68,25 @@ impl Signal {
     }
 
     /// The Gaussians that stay, in the order of the scene, as many as the percentage says.
-    pub fn survivors(self, seen: Seen<'_>, percent: u32) -> Vec<usize> {
+    ///
+    /// # Errors
+    /// Those of [`Pruning::needed`].
+    pub fn survivors(self, seen: Seen<'_>, percent: u32) -> Result<Vec<usize>> {
         let limit = Limit::Percent(percent);
-        let by_costs = |views: &[&View]| survivors(seen.scene, views, Scope::All, Some(limit), &mut || ());
+        let pruning = Pruning { scope: Scope::All, limit: Some(limit), refine: seen.refine };
+        let by_costs = |judges: &[&View]| pruning.needed(seen.scene, [seen.inputs, judges], seen.model, &mut || ());
         let scene = seen.scene;
         let count = limit.of(scene.len());
-        match self {
-            Self::Exact => by_costs(seen.inputs),
-            Self::Oracle => by_costs(&seen.inputs.iter().copied().chain(seen.held_out).collect::<Vec<_>>()),
+        Ok(match self {
+            Self::Exact => by_costs(seen.inputs)?,
+            Self::Oracle => by_costs(&seen.inputs.iter().copied().chain(seen.held_out).collect::<Vec<_>>())?,
             Self::Opacity => {
                 let opacity = |i: usize| f64::from(scene.attributes[i][LOGIT_OPACITY]);
                 greatest((0..scene.len()).map(opacity).collect(), count)
             }
             Self::Entropy => greatest(drawn(&entropy_of(scene, seen.inputs), seen.seed), count),
             Self::Chance => greatest(drawn(&vec![1.0; scene.len()], seen.seed), count),
-        }
+        })
     }
 }
 
@@ -88,7 +99,7 @@ impl fmt::Display for Signal {
 impl FromStr for Signal {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let found = Self::ALL.into_iter().find(|signal| signal.name() == text);
         found.ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");

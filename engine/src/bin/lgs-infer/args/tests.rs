@@ -64,7 +64,7 @@ fn one_of_two_refines() {
     assert_eq!(steps("c --preset accurate --refine-with learned", both), [2, 0]);
     let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe.of(usual);
     assert_eq!((looks.refine_views, looks.refine_reduce), (NonZeroUsize::new(4), 2));
-    assert_eq!((looks.background, looks.query, looks.density), (Mode::Gaps, false, Density::Policy));
+    assert_eq!((looks.background, looks.query, looks.density), (Mode::Gaps, false, Density::Exact));
 }
 
 #[test]
