@@ -199,7 +199,8 @@ impl<S: Simd> OpenTile<'_, S> {
     /// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
     #[inline(always)]
     fn walk<const M: usize>(&mut self, half: &Half<'_>, position: f32) -> [f32; M] {
-        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_square, per_depth] } = *self;
+        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_square, per_depth] } =
+            *self;
         let Half { footprint: f, halving } = half;
         let per_plane = TILE_PIXELS / S::F32_LANES;
         let per_row = TILE_WIDTH / S::F32_LANES;
@@ -241,8 +242,7 @@ impl<S: Simd> OpenTile<'_, S> {
                     let residual = planes[at(c)];
                     let size = simd.abs_f32s(simd.add_f32s(residual, change));
                     let by_size = simd.mul_f32s(per_colour, simd.sub_f32s(size, simd.abs_f32s(residual)));
-                    let by_square =
-                        simd.mul_f32s(per_square, simd.add_f32s(simd.add_f32s(residual, residual), change));
+                    let by_square = simd.mul_f32s(per_square, simd.add_f32s(simd.add_f32s(residual, residual), change));
                     colours = simd.add_f32s(colours, simd.mul_add_f32s(by_square, change, by_size));
                     linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
                     if M == SUMS {
