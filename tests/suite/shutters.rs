@@ -19,7 +19,7 @@ pub(crate) fn cases() -> Vec<Trial> {
     let rolling = Needed::path(&rolling_clip(), "the real clips");
     vec![
         case("shutters::a_readout_that_is_stated_is_worth_it", stated_readout),
-        case_if("shutters::a_readout_that_nobody_states_is_told", rolling, unsaid_readout),
+        case_if(&rolling, "shutters::a_readout_that_nobody_states_is_told", unsaid_readout),
         case("shutters::a_readout_of_nothing_changes_no_bit", no_readout),
         case("shutters::a_fisheye_is_cut_into_pinholes", pinholes_of_fisheyes),
         case("shutters::a_fisheye_of_dgp_is_one", fisheye_of_dgp),
