@@ -149,9 +149,9 @@ fn a_shutter_that_nobody_states_is_told() {
         let details: Vec<Detail> = views(moments).iter().map(|view| Detail::new(view, 1)).collect();
         align(&pairs, &details, &[Change::default()], &[free], Fold::All, 10)[0]
     };
-    let told = found([-0.01, 0.04]);
-    // What the middle and the edges do is alike, so each alone is told less well than both together.
-    assert!((told[6] + 0.01).abs() < 6e-3 && (told[8] - 0.04).abs() < 8e-3, "{told:?}");
-    let at_once = found([0.0, 0.0]);
-    assert!(at_once[6].abs() < 3e-3 && at_once[8].abs() < 6e-3, "{at_once:?}");
+    // An image from nearer has coarser detail, which shifts both alike.
+    let (told, at_once) = (found([-0.01, 0.04]), found([0.0, 0.0]));
+    let [middle, down] = [6, 8].map(|k| told[k] - at_once[k]);
+    assert!((middle + 0.01).abs() < 4e-3 && (down - 0.04).abs() < 8e-3, "{told:?} {at_once:?}");
+    assert!(at_once[8].abs() < 5e-3, "{at_once:?}");
 }

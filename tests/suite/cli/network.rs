@@ -53,7 +53,8 @@ fn equals(what: &str, got: &Value, want: &Value) -> Outcome {
 
 fn promised_keys() -> Outcome {
     let place = place()?;
-    let page = page(&place, &["--weights", "forward.safetensors", "--frames", "0,1"])?;
+    let flags = ["--weights", "forward.safetensors", "--frames", "0,1", "--density", "policy"];
+    let page = page(&place, &flags)?;
     metrics::expect_network_keys(&page)?;
     let seconds = |key: &str| metrics::number(&page, &["stages_s", key]);
     let parts = seconds("refine_render")? + seconds("refine_loss")? + seconds("refine_network")?;
@@ -69,7 +70,7 @@ fn promised_keys() -> Outcome {
 }
 
 fn single_timestamp() -> Outcome {
-    let page = page(&place()?, &["--weights", "random:small.json", "--frames", "0"])?;
+    let page = page(&place()?, &["--weights", "random:small.json", "--frames", "0", "--density", "policy"])?;
     equals("query_skipped", &page["network"]["query_skipped"], &json!("single_timestamp"))?;
     equals("stages_s.policy > 0", &json!(metrics::number(&page, &["stages_s", "policy"])? > 0.0), &json!(true))
 }
@@ -80,7 +81,7 @@ fn lacking() -> Outcome {
     config["query"] = Value::Null;
     config["policy"] = Value::Null;
     fs::write(place.path().join("plain.json"), config.to_string())?;
-    let page = page(&place, &["--weights", "random:plain.json", "--frames", "0,1"])?;
+    let page = page(&place, &["--weights", "random:plain.json", "--frames", "0,1", "--density", "policy"])?;
     equals("query_skipped", &page["network"]["query_skipped"], &json!("not_in_model"))?;
     equals("set_update_skipped", &page["network"]["set_update_skipped"], &json!("not_in_model"))
 }
@@ -132,7 +133,7 @@ fn sizes_at_the_edges() -> Outcome {
             *config.pointer_mut(pointer).ok_or("no such field")? = value;
         }
         fs::write(place.path().join("edge.json"), config.to_string())?;
-        let page = page(&place, &["--weights", "random:edge.json", "--frames", "0,1"])
+        let page = page(&place, &["--weights", "random:edge.json", "--frames", "0,1", "--density", "policy"])
             .map_err(|e| format!("{first}: {}", e.message().unwrap_or_default()))?;
         equals(first, &page["gaussians"]["final"], &page["gaussians"]["initial"])?;
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::ImageGradient;
-use super::device::GpuError;
+use super::error::GpuError;
 use super::forward::Drawn;
 use super::kernels::{Kernel, MAPPED, ROW, SEEN, SUMS};
 use super::project::{PROJECTION, SceneBuffers};

@@ -6,7 +6,7 @@ use wgpu::Buffer;
 
 use super::super::Rendered;
 use super::super::constants::TRANSMITTANCE_MIN;
-use super::device::GpuError;
+use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::SceneBuffers;
 use super::tiles::TileLists;

@@ -5,7 +5,7 @@ use std::ops::Range;
 use lgs_formats::casts::to_u32;
 use wgpu::Buffer;
 
-use super::device::GpuError;
+use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::SceneBuffers;
 use super::sort::scan;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use wgpu::Buffer;
 
-use super::device::GpuError;
+use super::error::GpuError;
 
 /// Bytes that true images may take where nobody says how much the GPU holds.
 const KEPT_UNTOLD: u64 = 1 << 30;

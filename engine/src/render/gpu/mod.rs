@@ -9,6 +9,7 @@
 
 mod backward;
 mod device;
+mod error;
 mod forward;
 mod gather;
 mod kernels;
@@ -26,7 +27,8 @@ use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
 pub(crate) use backward::Row;
-pub use device::{Adapter, Gpu, GpuError, adapters, open, open_limited, open_real};
+pub use device::{Adapter, Gpu, adapters, open, open_limited, open_real};
+pub use error::GpuError;
 pub(crate) use forward::Drawn;
 pub(crate) use kernels::{Kernel, MAPPED, count, single};
 pub(crate) use memory::Owned;

@@ -10,7 +10,7 @@ use wgpu::Buffer;
 
 use super::super::project::Projector;
 use super::super::tiles::TileGrid;
-use super::device::GpuError;
+use super::error::GpuError;
 use super::kernels::{Kernel, ROW};
 use super::work::{Work, groups_over};
 use crate::gaussians::physical::Splat;

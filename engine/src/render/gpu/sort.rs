@@ -2,7 +2,7 @@
 
 use wgpu::Buffer;
 
-use super::device::GpuError;
+use super::error::GpuError;
 use super::kernels::Kernel;
 use super::work::Work;
 

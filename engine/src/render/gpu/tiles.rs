@@ -2,7 +2,7 @@
 
 use wgpu::Buffer;
 
-use super::device::GpuError;
+use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::{PROJECTION, Projection, REACH, SceneBuffers};
 use super::sort::{Sorted, scan, sort};

@@ -5,7 +5,8 @@ use std::sync::{MutexGuard, PoisonError, mpsc};
 use bytemuck::{AnyBitPattern, NoUninit};
 use wgpu::{Buffer, BufferUsages, ComputePipeline};
 
-use super::device::{Gpu, GpuError};
+use super::device::Gpu;
+use super::error::GpuError;
 use super::kernels::Kernel;
 use super::memory::Owned;
 use super::room::Room;
