@@ -146,7 +146,9 @@ pub(super) fn otherwise(
         let found = compared(halves);
         let share = found.mean() / stated.mean();
         let limit = chosen.map_or(LESS, |(.., simpler)| RICHER * simpler);
-        let shows = !free[6] || halves.iter().all(|half| half[7].abs() + half[8].abs() >= SHORTEST);
+        // Both halves must tell a readout, and the same way.
+        let [first, second] = halves.map(|half| half[7] + half[8]);
+        let shows = !free[6] || first.abs().min(second.abs()) >= SHORTEST && first * second > 0.0;
         if shows && share < limit && found.agreed(&stated) >= MOST {
             chosen = Some((free, halves, share));
         }
