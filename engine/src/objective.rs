@@ -53,7 +53,7 @@ pub struct Objective {
     pub gradient: RawGradient,
     /// Empty when they were not wanted.
     pub mean_residuals: MeanResiduals,
-    /// `[H, W, 3]` of each view, as drawn; empty when they were not wanted.
+    /// `[H, W, 3]` of each view, as drawn; empty when they were not wanted, or stay on a GPU.
     pub images: Vec<Vec<f32>>,
     /// `[N]` whether any view shows the Gaussian's footprint.
     pub seen: Vec<bool>,

@@ -22,9 +22,9 @@ use crate::predict::add_outputs;
 use crate::render::{MemoryEstimate, Pass};
 use crate::views::{View, at_factor};
 
-use lengths::step_lengths_with;
+use lengths::{Before, step_lengths_with};
 pub use lengths::{lengthen, step_lengths};
-pub use summary::{KnownObjective, LineSearch, RefineSeconds, RefineSettings, RefineSummary, Refined};
+pub use summary::{KnownObjective, LastStep, LineSearch, RefineSeconds, RefineSettings, RefineSummary, Refined};
 pub use view_schedule::ViewSchedule;
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
@@ -57,7 +57,7 @@ impl Pyramid {
 /// `g <- g + l r(g, t, v, grad g, grad v)`, `steps` times with the same weights, both branches; l is 1, or for each Gaussian that of
 /// [`step_lengths`] where the settings ask for it in that step. Where every step looks at all views, a step
 /// after which their loss has not fallen is taken back and ends the loop; the last step is measured too, so that no result is worse than
-/// its start. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
+/// its start, unless it is to be kept anyhow. Steps that look at some of the views are not measured. A step that changes nothing ends the loop.
 ///
 /// # Gradient
 /// The loss gradients are inputs of the network and constants.
@@ -107,7 +107,9 @@ pub fn refine_and_measure(
         let begun = if is_measured { Instant::now() } else { looked };
         let before = set.clone();
         let has_moved = refinement.step(set, &before, &mut current, &chosen, index)?;
-        let after = if has_moved && is_measured { Some(refinement.measure(set, &chosen, index + 1)?) } else { None };
+        let is_taken = settings.last == LastStep::Kept && index + 1 == settings.steps;
+        let measures = has_moved && is_measured && !is_taken;
+        let after = if measures { Some(refinement.measure(set, &chosen, index + 1)?) } else { None };
         if !has_moved || !refinement.accept(set, before, current.loss, after.as_ref()) {
             refinement.summary.stopped_early = true;
             break;
@@ -133,7 +135,13 @@ struct Refinement<'a, 'v> {
 
 impl<'a, 'v> Refinement<'a, 'v> {
     fn new(model: &'a Model, settings: RefineSettings) -> Self {
-        Self { model, settings, pyramids: Default::default(), kept: Kept::default(), summary: RefineSummary::default() }
+        Self {
+            model,
+            settings,
+            pyramids: Default::default(),
+            kept: Kept::with_drawn(),
+            summary: RefineSummary::default(),
+        }
     }
 
     /// Whether every Gaussian's length of a step is searched for.
@@ -150,11 +158,12 @@ impl<'a, 'v> Refinement<'a, 'v> {
         let wanted = if index < self.settings.steps {
             Wanted { images: self.searches(index), ..wanted(&self.model.config) }
         } else {
-            Wanted { gradient: self.settings.optimised_after, ..Wanted::default() }
+            Wanted { gradient: self.settings.last == LastStep::OptimisedAfter, ..Wanted::default() }
         };
         let wanted = Wanted { device: self.settings.device, ..wanted };
         MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
         let found = objective_keeping(set, views, &LossWeights::default(), wanted, &mut self.kept);
+
         self.summary.losses.push(found.loss);
         self.summary.seconds.add(found.seconds);
         Ok(found)
@@ -181,7 +190,8 @@ impl<'a, 'v> Refinement<'a, 'v> {
         }
         if self.searches(index) {
             let start = Instant::now();
-            let lengths = step_lengths_with(self.settings.device, &current.images, set, views, &mut self.kept);
+            let drawn = Before { images: &current.images, scene: before };
+            let lengths = step_lengths_with(self.settings.device, drawn, set, views, &mut self.kept);
             lengthen(set, before, &lengths);
             self.summary.seconds.lengths += start.elapsed().as_secs_f64();
         }
@@ -203,8 +213,8 @@ impl<'a, 'v> Refinement<'a, 'v> {
     /// What was done, and the last measurement where it has the gradient that per-scene optimisation begins with.
     fn finish(mut self, last: Option<Objective>) -> Refined {
         self.summary.pyramids_kept = self.pyramids[0].reused;
-        let RefineSettings { steps, optimised_after, reduce, .. } = self.settings;
-        let has_gradient = optimised_after && self.summary.steps == steps;
+        let RefineSettings { steps, reduce, .. } = self.settings;
+        let has_gradient = self.settings.last == LastStep::OptimisedAfter && self.summary.steps == steps;
         let measured = last.filter(|_| has_gradient).map(|objective| KnownObjective { objective, reduce });
         Refined { summary: self.summary, measured }
     }

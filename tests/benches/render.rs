@@ -33,9 +33,11 @@ fn gpu_times() -> std::io::Result<()> {
     let (splats, view) = load();
     for adapter in gpu::adapters() {
         let times = gpu::open(adapter.index).and_then(|gpu| {
-            let forward = gpu::seconds(gpu, &splats, &view, None, GPU_DRAWINGS)?;
-            let both = gpu::seconds(gpu, &splats, &view, Some(&gradient()), GPU_DRAWINGS)?;
-            Ok(format!("forward {:.3} ms, forward and backward {:.3} ms", 1e3 * forward, 1e3 * both))
+            let forward = gpu::times(gpu, &splats, &view, None, GPU_DRAWINGS)?;
+            let both = gpu::times(gpu, &splats, &view, Some(&gradient()), GPU_DRAWINGS)?;
+            let kernels = both.kernels.iter().map(|(name, seconds)| format!("\n    {name} {:.4} ms", 1e3 * seconds));
+            let [forward, both] = [forward.mean, both.mean].map(|seconds| 1e3 * seconds);
+            Ok(format!("forward {forward:.3} ms, forward and backward {both:.3} ms") + &kernels.collect::<String>())
         });
         let told = times.unwrap_or_else(|error| error.to_string());
         writeln!(std::io::stdout(), "gpu:{} {}: {told}", adapter.index, adapter.name)?;

@@ -1,5 +1,7 @@
 //! What the input views show of every Gaussian: what taking it out would cost, and what its halves could gain.
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod rounds;
 #[cfg(test)]
 pub(crate) mod samples;
@@ -8,7 +10,7 @@ use crate::gaussians::GaussianSet;
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::loss::{LossWeights, pixel_costs};
 use crate::objective::BEHIND;
-use crate::render::{Effect, PixelCosts, Projection, effects, halving, longest_axes};
+use crate::render::{Device, Effect, PixelCosts, Projection, effects, halving, longest_axes};
 use crate::views::View;
 
 pub use rounds::{keep, num_rounds, survivors};
@@ -49,12 +51,19 @@ impl Evidence {
         Self::seen(&splats, axes, views, (weights, 0.0))
     }
 
-    /// What pruning needs: nothing of halves, and removals by the loss and the squared errors of colours.
+    /// `[N]` what pruning needs: [`Evidence::costs`] by the loss and the squared errors of colours, measured where views are drawn.
     ///
     /// # Formula
     /// That of [`effects`], `per_square = 100 per_colour`.
-    pub fn of_removals(set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Self {
-        Self::seen(&to_physical(set), Vec::new(), views, (weights, SQUARES))
+    pub fn removal_costs(device: Device, set: &GaussianSet, views: &[&View], weights: &LossWeights) -> Vec<f64> {
+        let splats = to_physical(set);
+        #[cfg(feature = "gpu")]
+        if let Some(effects) = device.try_gpu(|gpu| gpu::effects(gpu, &splats, views, (weights, SQUARES))) {
+            return Self { effects, ..Self::default() }.costs();
+        }
+        // Without GPUs there is one device.
+        let _ = device;
+        Self::seen(&splats, Vec::new(), views, (weights, SQUARES)).costs()
     }
 
     /// What the views show of the halves along the axes, or without axes, of no halves, where squared errors count so much more than absolute ones.

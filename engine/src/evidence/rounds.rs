@@ -7,6 +7,7 @@ use super::Evidence;
 use crate::densify::{Limit, Scope, UpdateCounts};
 use crate::gaussians::GaussianSet;
 use crate::loss::LossWeights;
+use crate::render::Device;
 use crate::views::View;
 
 /// Largest share of what is there that goes in a round on the way to a limit. Held-out PSNR after three learned steps of 70 % of the scene in 1, 2
@@ -39,7 +40,7 @@ pub fn num_rounds(gaussians: usize, limit: Option<Limit>) -> usize {
 }
 
 /// The Gaussians of a scene that stay, in its order, when it is pruned to a limit, or, where there is none, of whatever it is better without;
-/// `done` is told of every round.
+/// `done` is told of every round, which the device measures.
 ///
 /// # Formula
 /// Before each round the effects are measured anew; those with the least [`Evidence::costs`] go, ties by index. To a limit: the same share of what
@@ -47,8 +48,8 @@ pub fn num_rounds(gaussians: usize, limit: Option<Limit>) -> usize {
 pub fn survivors(
     scene: &GaussianSet,
     views: &[&View],
-    scope: Scope,
-    limit: Option<Limit>,
+    (scope, limit): (Scope, Option<Limit>),
+    device: Device,
     done: &mut dyn FnMut(),
 ) -> Vec<usize> {
     let count = |scene: &GaussianSet| if scope == Scope::All { scene.len() } else { scene.num_lidar };
@@ -61,7 +62,7 @@ pub fn survivors(
         let now = count(&left);
         let most = target.map_or(now / TENTH, |target| now.saturating_sub(between([first, target], [round, rounds])));
         if most > 0 {
-            let costs = Evidence::of_removals(&left, views, &LossWeights::default()).costs();
+            let costs = Evidence::removal_costs(device, &left, views, &LossWeights::default());
             let mut order: Vec<usize> = (0..now).filter(|&i| target.is_some() || costs[i] < 0.0).collect();
             order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
             let mut stays = vec![true; left.len()];
@@ -114,7 +115,7 @@ mod tests {
             (Scope::Lidar, Limit::Count(17), [Some(17), Some(37)]),
         ] {
             let (mut pruned, mut rounds) = (scene(0.0), 0);
-            let rows = survivors(&pruned, &[&view], scope, Some(limit), &mut || rounds += 1);
+            let rows = survivors(&pruned, &[&view], (scope, Some(limit)), Device::Cpu, &mut || rounds += 1);
             let counts = keep(&mut pruned, &rows);
             let first = if scope == Scope::All { 80 } else { 60 };
             assert_eq!((rounds, pruned.len()), (num_rounds(first, Some(limit)), left[1].unwrap()), "{limit}");
@@ -137,7 +138,7 @@ mod tests {
         let loss = |set: &GaussianSet| crate::objective::objective(set, &[&view], &LossWeights::default()).loss;
         let before = scene(2.0);
         let mut after = before.clone();
-        let rows = survivors(&before, &[&view], Scope::All, None, &mut || ());
+        let rows = survivors(&before, &[&view], (Scope::All, None), Device::Cpu, &mut || ());
         let counts = keep(&mut after, &rows);
         assert!(counts.pruned > 0 && loss(&after) < loss(&before), "{} {}", loss(&after), loss(&before));
         assert!(after.len() >= before.len() - WITHOUT_LIMIT * (before.len() / TENTH));

@@ -2,8 +2,10 @@
 
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::{BEHIND, Found, ObjectiveSeconds, Sums, Wanted};
-use crate::gaussians::physical::{Splat, SplatGradient};
+use crate::gaussians::physical::Splat;
 use crate::loss::{Kept, LossWeights, gpu};
 use crate::render::gpu::{Gpu, GpuError, MAPPED, Row, SceneBuffers, Work};
 use crate::views::View;
@@ -12,6 +14,8 @@ use crate::views::View;
 const BYTES_OF_SPLAT: u64 = 304;
 const BYTES_OF_ROW: u64 = 80;
 const BYTES_OF_PIXEL: u64 = 108;
+/// Gaussians that a thread fills in at once.
+const CHUNK: usize = 4096;
 
 /// What [`found`](super::found) finds, on a GPU.
 ///
@@ -32,6 +36,7 @@ pub(super) fn found<'v>(
     let sums = gpu::LossSums::new(&mut work, views, weights)?;
     let share = 1.0 / views.len().max(1) as f32;
     let mut images = Vec::new();
+    let stay = wanted.images && kept.begin_drawn(&mut work, views);
     for (number, view) in views.iter().enumerate() {
         let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
         let truth = sums.truth(&mut work, (number, view), kept)?;
@@ -43,29 +48,26 @@ pub(super) fn found<'v>(
             let by_pixel = gpu::residual(&mut work, &truth, &drawn)?;
             work.add_backward(&scene, &drawn, &by_pixel, residuals, 1.0)?;
         }
-        if wanted.images {
+        if stay && let Some(to) = kept.drawn(&work, number) {
+            work.copy::<[f32; 4]>(&drawn.image, &to, drawn.num_pixels());
+        } else if wanted.images {
             images.push(work.colours(&drawn)?);
         }
     }
     let terms = sums.terms(&mut work)?;
     let seen = work.seen(&scene)?;
-    let mut gradients = vec![SplatGradient::default(); if wanted.gradient { splats.len() } else { 0 }];
+    let mut gradients = Vec::new();
     if wanted.gradient {
         let rows = work.gather(&seen, &scene.gradients, 0..MAPPED)?;
-        for (&i, row) in seen.indices.iter().zip(rows.as_chunks().0) {
-            gradients[i as usize] = Row::gradient_of(row);
-        }
+        gradients = spread(&seen.indices, rows.as_chunks().0, splats.len(), Row::gradient_of);
     }
-    let mut of_residuals = Vec::new();
-    let mut blended = Vec::new();
+    let (mut of_residuals, mut blended) = (Vec::new(), Vec::new());
     if let Some(residuals) = residuals {
-        (of_residuals, blended) = (vec![SplatGradient::default(); splats.len()], vec![[0.0; 2]; splats.len()]);
         let rows = work.gather(&seen, &residuals, 0..MAPPED + 2)?;
-        for (&i, row) in seen.indices.iter().zip(rows.as_chunks::<{ MAPPED + 2 }>().0) {
-            let (gradient, mapped) = row.split_at(MAPPED);
-            of_residuals[i as usize] = gradient.first_chunk().map(Row::gradient_of).unwrap_or_default();
-            blended[i as usize] = [f64::from(mapped[0]), f64::from(mapped[1])];
-        }
+        let rows = rows.as_chunks::<{ MAPPED + 2 }>().0;
+        let gradient = |row: &[f32; MAPPED + 2]| row.first_chunk().map(Row::gradient_of).unwrap_or_default();
+        of_residuals = spread(&seen.indices, rows, splats.len(), gradient);
+        blended = spread(&seen.indices, rows, splats.len(), |row| [row[MAPPED], row[MAPPED + 1]].map(f64::from));
     }
     let mut is_seen = vec![false; splats.len()];
     seen.indices.iter().for_each(|&i| is_seen[i as usize] = true);
@@ -78,6 +80,23 @@ pub(super) fn found<'v>(
         seen: is_seen,
         seconds: ObjectiveSeconds { render: start.elapsed().as_secs_f64(), loss: None },
     })
+}
+
+/// `[len]` what the rows of some give, which are ascending; defaults for the others.
+fn spread<R: Sync, T: Clone + Default + Send>(
+    indices: &[u32],
+    rows: &[R],
+    len: usize,
+    of: impl Fn(&R) -> T + Sync,
+) -> Vec<T> {
+    let mut all = vec![T::default(); len];
+    all.par_chunks_mut(CHUNK).enumerate().for_each(|(number, part)| {
+        let (start, end) = (number * CHUNK, number * CHUNK + part.len());
+        let first = indices.partition_point(|&i| (i as usize) < start);
+        let chosen = indices.iter().zip(rows).skip(first).take_while(|(i, _)| (**i as usize) < end);
+        chosen.for_each(|(&i, row)| part[i as usize - start] = of(row));
+    });
+    all
 }
 
 /// Draws the views, and adds the gradients of their mean loss to the scene's rows; the sums of the losses.

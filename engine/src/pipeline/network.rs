@@ -12,7 +12,7 @@ use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
-use crate::refine::{KnownObjective, RefineSettings, RefineSummary, Refined, refine_and_measure};
+use crate::refine::{KnownObjective, LastStep, RefineSettings, RefineSummary, Refined, refine_and_measure};
 use crate::render::{MemoryEstimate, Pass};
 use crate::views::View;
 
@@ -129,7 +129,7 @@ impl<'a> NetworkSettings<'a> {
                 reduce: recipe.refine_reduce,
                 until,
                 line_search: recipe.line_search,
-                optimised_after: recipe.adam_steps > 0,
+                last: if recipe.adam_steps > 0 { LastStep::OptimisedAfter } else { LastStep::Checked },
                 device: recipe.device(),
             },
             query: recipe.query,

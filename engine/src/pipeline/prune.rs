@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::evidence::{num_rounds, survivors};
 use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
-use crate::refine::{RefineSettings, refine};
+use crate::refine::{LastStep, RefineSettings, refine};
 use crate::views::View;
 
 /// Learned steps of the copy. Held-out PSNR of ten clips, the mean, of 70 % of the scene after 1 and 2: 25.84 and 25.87 dB, where all of it has 25.86; of
@@ -54,8 +54,8 @@ impl Pruning {
             return Ok((0..scene.len()).collect());
         }
         let mut ahead = scene.clone();
-        let settings = RefineSettings { steps: self.ahead(), optimised_after: false, ..self.refine };
+        let settings = RefineSettings { steps: self.ahead(), last: LastStep::Kept, ..self.refine };
         refine(&mut ahead, views, model, settings, &mut *done)?;
-        Ok(survivors(&ahead, judges, self.scope, self.limit, done))
+        Ok(survivors(&ahead, judges, (self.scope, self.limit), self.refine.device, done))
     }
 }

@@ -3,6 +3,8 @@
 #[cfg(feature = "gpu")]
 mod gpu;
 
+use std::borrow::Cow;
+
 use lgs_formats::casts::to_f32;
 use rayon::prelude::*;
 
@@ -11,7 +13,7 @@ use crate::gaussians::{GaussianSet, MEAN};
 use crate::loss::Kept;
 use crate::network::normalise::is_carried_away;
 use crate::objective::{BEHIND, counted_pixels};
-use crate::render::{Device, blended_sums, render_for_gradient};
+use crate::render::{Device, blended_sums, render, render_for_gradient};
 use crate::views::View;
 
 /// Shortest and longest step, of the one that the network asks for.
@@ -29,13 +31,23 @@ const PRIOR: f64 = 0.1;
 /// the step, r = truth - before, d = after - before, p a tenth of the mean of `sum w d d` over the Gaussians that are shown. Where the colours
 /// around a Gaussian change in proportion to its step, that is the least squared error.
 pub fn step_lengths(device: Device, before: &[Vec<f32>], after: &GaussianSet, views: &[&View]) -> Vec<f32> {
+    let before = Before { images: before, scene: &GaussianSet::default() };
     step_lengths_with(device, before, after, views, &mut Kept::default())
+}
+
+/// What views showed before a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Before<'a> {
+    /// `[H, W, 3]` of each view; empty where they stay on the GPU.
+    pub(super) images: &'a [Vec<f32>],
+    /// The scene, for images that the GPU has lost.
+    pub(super) scene: &'a GaussianSet,
 }
 
 /// As [`step_lengths`], with what is kept of the views on a GPU.
 pub(super) fn step_lengths_with<'v>(
     device: Device,
-    before: &[Vec<f32>],
+    before: Before<'_>,
     after: &GaussianSet,
     views: &[&'v View],
     kept: &mut Kept<'v>,
@@ -56,21 +68,26 @@ pub(super) fn step_lengths_with<'v>(
 /// `[N]` sums over the views of the maps of [`agreement`] under the weights of every Gaussian.
 fn agreements_on<'v>(
     device: Device,
-    before: &[Vec<f32>],
+    before: Before<'_>,
     splats: &[Splat],
     views: &[&'v View],
     kept: &mut Kept<'v>,
 ) -> Vec<[f64; 2]> {
     #[cfg(feature = "gpu")]
-    if let Some(sums) = device.try_gpu(|gpu| gpu::agreements(gpu, before, splats, views, kept)) {
+    if let Some(sums) = device.try_gpu(|gpu| gpu::agreements(gpu, before.images, splats, views, kept)) {
         return sums;
     }
     // Without GPUs there is one device.
     let _ = (device, kept);
     let mut sums = vec![[0.0_f64; 2]; splats.len()];
-    for (before, view) in before.iter().zip(views) {
+    let redrawn = if before.images.is_empty() { to_physical(before.scene) } else { Vec::new() };
+    for (number, view) in views.iter().enumerate() {
+        let before = match before.images.get(number) {
+            Some(image) => Cow::Borrowed(image),
+            None => Cow::Owned(render(&redrawn, &view.pinhole, BEHIND).rgb),
+        };
         let state = render_for_gradient(splats, &view.pinhole, BEHIND);
-        let maps = agreement(before, &state.images.rgb, view);
+        let maps = agreement(&before, &state.images.rgb, view);
         for (i, [agree, change]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
             sums[i][0] += agree;
             sums[i][1] += change;

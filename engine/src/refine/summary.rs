@@ -41,6 +41,18 @@ impl LineSearch {
     }
 }
 
+/// What becomes of the last step of a refinement whose steps look at all views.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LastStep {
+    /// As of every other: it is kept where the loss has fallen.
+    #[default]
+    Checked,
+    /// The same; per-scene optimisation follows, and the gradient of the loss is taken too, where there is one.
+    OptimisedAfter,
+    /// It is kept: nobody draws the views for it.
+    Kept,
+}
+
 /// How far a refinement goes, and what its steps look at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefineSettings {
@@ -54,8 +66,8 @@ pub struct RefineSettings {
     pub until: Option<Instant>,
     /// Steps after which lengths are searched for.
     pub line_search: LineSearch,
-    /// Whether per-scene optimisation follows: then the last measurement takes the gradient of the loss too, where there is one.
-    pub optimised_after: bool,
+    /// What becomes of the last one.
+    pub last: LastStep,
     /// Where views are drawn.
     pub device: Device,
 }
@@ -69,7 +81,7 @@ impl From<usize> for RefineSettings {
             reduce: 1,
             until: None,
             line_search: LineSearch::Auto,
-            optimised_after: false,
+            last: LastStep::Checked,
             device: Device::Cpu,
         }
     }

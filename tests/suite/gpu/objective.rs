@@ -1,5 +1,6 @@
 //! Loss, gradient, residuals and lengths of steps over several views, on the GPU and by the CPU.
 
+use lgs_engine::evidence::Evidence;
 use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::loss::LossWeights;
 use lgs_engine::objective::{Objective, Wanted, objective_with};
@@ -23,6 +24,7 @@ pub(super) const CASES: &[Case] = &[
     ("small_and_ignored_images_have_the_cpus_loss", small_and_ignored_images_have_the_cpus_loss),
     ("steps_after_a_loss_are_the_cpus", steps_after_a_loss_are_the_cpus),
     ("lengths_of_steps_are_the_cpus", lengths_of_steps_are_the_cpus),
+    ("costs_of_removals_are_the_cpus", costs_of_removals_are_the_cpus),
     ("steps_of_adam_are_those_of_its_formula", steps_of_adam_are_those_of_its_formula),
     (
         "steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do",
@@ -122,6 +124,22 @@ fn compare(set: &GaussianSet, views: &[View; 2]) -> Outcome {
     }
     near("weights", &got.mean_residuals.weights, &want.mean_residuals.weights, 1e-5)?;
     near("errors", &got.mean_residuals.errors, &want.mean_residuals.errors, 1e-5)
+}
+
+/// At opacities at which nothing ends a pixel, and at which pixels are opaque many times over.
+fn costs_of_removals_are_the_cpus() -> Outcome {
+    for opacities in [[0.05, 0.4], [0.9, 1.0]] {
+        let (set, views) = scene(Look { opacities, ..LOOK });
+        let costs =
+            |device: Device| Evidence::removal_costs(device, &set, &[&views[0], &views[1]], &LossWeights::default());
+        let (device, want) = (on_gpu()?, costs(Device::Cpu));
+        let [got, again] = [(); 2].map(|()| costs(device));
+        if got != again {
+            return Err("costs differ from run to run".into());
+        }
+        lgs_tests::compare::close_l2("costs", &got, &want, 1e-4, 0.0)?;
+    }
+    Ok(())
 }
 
 fn the_objective_is_the_cpus() -> Outcome {

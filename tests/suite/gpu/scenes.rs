@@ -19,6 +19,7 @@ use crate::render::fast::{ahead, any_float, splat};
 
 pub(super) const CASES: &[Case] = &[
     ("equals_the_twin", equals_the_twin),
+    ("images_of_any_size_are_the_cpus", images_of_any_size_are_the_cpus),
     ("rolling_shutters_are_the_cpus", rolling_shutters_are_the_cpus),
     ("kilometres_from_the_origin_it_is_the_cpus", kilometres_from_the_origin_it_is_the_cpus),
     ("the_same_bits_in_every_run", the_same_bits_in_every_run),
@@ -85,6 +86,26 @@ fn equals_the_twin() -> Outcome {
         let others = seen.iter().zip(&found.seen).filter(|(a, b)| a != b).count();
         if others * 1000 > seen.len() {
             return Err(format!("{name}: {others} of {} Gaussians are seen by one alone", seen.len()).into());
+        }
+    }
+    Ok(())
+}
+
+/// At sizes at which 128 threads share a tile on the way back, and 64.
+fn images_of_any_size_are_the_cpus() -> Outcome {
+    for (seed, width, height) in [(181, 1040, 520), (182, 2080, 1040)] {
+        let scene = random_scene(Look { num: 300, width, height, opacities: [0.05, 0.9] }, seed);
+        let (splats, view) = (splats(&scene.gaussians), pinhole(&scene.camera));
+        let gradient = image_gradient(&random_weights(&scene.camera, &vec![false; width * height], 53));
+        let found = drawn(&splats, &view, &gradient)?;
+        let state = render_for_gradient(&splats, &view, SINGLE_BACKGROUND);
+        let want = backward(&splats, &view, &state, &gradient);
+        super::near(&format!("{width}x{height}: rgb"), &found.images.rgb, &state.images.rgb, 1e-4)?;
+        let (got, want) = (flat(&found.splats), flat(&want));
+        for (part, range) in GRADIENT_PARTS {
+            let column = |all: &[f64]| -> Vec<f64> { all.chunks(17).flat_map(|g| g[range.clone()].to_vec()).collect() };
+            let what = format!("{width}x{height}: gradient by {part}");
+            close_l2(&what, &column(&got), &column(&want), GRADIENT, 1e-3)?;
         }
     }
     Ok(())

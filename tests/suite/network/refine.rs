@@ -7,7 +7,7 @@ use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::objective::objective;
 use lgs_engine::ops::knn::nearest_other_time;
 use lgs_engine::predict::{QuerySkipped, backbone, query};
-use lgs_engine::refine::{RefineSettings, RefineSummary, Refined, refine, refine_and_measure};
+use lgs_engine::refine::{LastStep, RefineSettings, RefineSummary, Refined, refine, refine_and_measure};
 use lgs_engine::views::View;
 use lgs_tests::compare::same_bits;
 use lgs_tests::random::Random;
@@ -158,15 +158,16 @@ fn early_stop() -> Outcome {
 /// The gradient is that of the refined scene, where the last step was kept.
 fn measured_for_what_follows() -> Outcome {
     let [better, worse] = better_and_worse(SMALL_STEP)?;
-    let run = |weights: &Weights, steps: usize, optimised_after: bool| -> Result<(GaussianSet, Refined), Failed> {
+    let run = |weights: &Weights, steps: usize, last: LastStep| -> Result<(GaussianSet, Refined), Failed> {
         let (mut set, view) = start();
-        let settings = RefineSettings { optimised_after, ..steps.into() };
+        let settings = RefineSettings { last, ..steps.into() };
         let refined = refine_and_measure(&mut set, &[&view], &weights.model()?, settings, |_| ()).map_err(failed)?;
         Ok((set, refined))
     };
     for steps in [1, 2] {
-        let (set, refined) = run(&better, steps, true)?;
-        same_sets(&set, &run(&better, steps, false)?.0)?;
+        let (set, refined) = run(&better, steps, LastStep::OptimisedAfter)?;
+        same_sets(&set, &run(&better, steps, LastStep::Checked)?.0)?;
+        same_sets(&set, &run(&better, steps, LastStep::Kept)?.0)?;
         let want = objective(&set, &[&start().1], &lgs_engine::loss::LossWeights::default());
         let found = refined.measured.ok_or_else(|| format!("{steps} steps: expected a measurement"))?;
         if found.reduce != 1 || found.objective.loss != want.loss {
@@ -175,10 +176,15 @@ fn measured_for_what_follows() -> Outcome {
         let rows = |gradient: &[[f32; 14]]| gradient.as_flattened().to_vec();
         same_bits("gradient", &rows(&found.objective.gradient.attributes), &rows(&want.gradient.attributes))?;
     }
-    for (weights, steps, after) in [(&worse, 1, true), (&better, 2, false), (&better, 0, true)] {
-        let (_, refined) = run(weights, steps, after)?;
+    let after = LastStep::OptimisedAfter;
+    for (weights, steps, last) in [(&worse, 1, after), (&better, 2, LastStep::Checked), (&better, 0, after)] {
+        let (_, refined) = run(weights, steps, last)?;
         expect("no measurement", refined.measured.is_none(), &refined.summary)?;
     }
+    // One that is kept anyhow is kept where it helps nothing, and nobody draws the views for it.
+    let (kept, refined) = run(&worse, 1, LastStep::Kept)?;
+    expect("a step", refined.summary.steps == 1 && kept != start().0, &refined.summary)?;
+    expect("one loss", refined.summary.losses.len() == 1, &refined.summary)?;
     Ok(())
 }
 

@@ -237,7 +237,7 @@ impl Perturbed {
 
     /// What is left when a scene is pruned by exact effects.
     fn pruned(set: &GaussianSet, views: &[&View], limit: Limit) -> Self {
-        let sources = survivors(set, views, Scope::All, Some(limit), &mut || ());
+        let sources = survivors(set, views, (Scope::All, Some(limit)), Device::Cpu, &mut || ());
         let num_lidar = sources.partition_point(|&i| i < set.num_lidar);
         Self { set: set.select(&sources, num_lidar), sources: Some(sources) }
     }

@@ -13,14 +13,12 @@ use super::residual::DEPTH;
 use super::ssim::forward::{C1, C2};
 use super::ssim::window::{WINDOW, window};
 use super::{Kept, LossTerms, LossWeights};
-use crate::render::gpu::{Drawn, GpuError, Kernel, Work, groups_over, single};
+use crate::render::gpu::{Drawn, GpuError, Kernel, Told, ViewCosts, Work, groups_over, single};
 use crate::views::View;
 
 const PAIR: &str = include_str!("pair.wgsl");
-const COMPARE: Kernel =
-    Kernel { name: "compare", sources: &[PAIR, include_str!("similarity.wgsl")], constants: similarity_constants };
-const DESCEND: Kernel =
-    Kernel { name: "descend", sources: &[PAIR, include_str!("gradient.wgsl")], constants: similarity_constants };
+const COMPARE: Kernel = Kernel::with("compare", &[PAIR, include_str!("similarity.wgsl")], similarity_constants);
+const DESCEND: Kernel = Kernel::with("descend", &[PAIR, include_str!("gradient.wgsl")], similarity_constants);
 const PIXELS: &[&str] = &[PAIR, include_str!("residual.wgsl")];
 const TAKE_RESIDUAL: Kernel = Kernel::new("take_residual", PIXELS);
 const TAKE_AGREEMENT: Kernel = Kernel::new("take_agreement", PIXELS);
@@ -67,7 +65,7 @@ struct OfView {
 #[derive(Debug)]
 pub(crate) struct Truth {
     pixels: Buffer,
-    pair: Buffer,
+    pair: Told,
     view: OfView,
     num_pixels: usize,
 }
@@ -112,7 +110,6 @@ impl LossSums {
         let of = self.views[number];
         let pixels = kept.truth(work, view)?;
         let size = [view.pinhole.width, view.pinhole.height].map(to_u32);
-        let over = |weight: f32, count: usize| if count == 0 { 0.0 } else { weight / count as f32 };
         let pair = Pair {
             size: [size[0], size[1], of.size[0], of.size[1]],
             slopes: [
@@ -123,7 +120,7 @@ impl LossSums {
             ],
             first: [of.first, 0, 0, 0],
         };
-        Ok(Truth { pixels, pair: work.uniform(&pair), view: of, num_pixels: view.pinhole.num_pixels() })
+        Ok(Truth { pixels, pair: work.tell(&pair), view: of, num_pixels: view.pinhole.num_pixels() })
     }
 
     /// The gradient of a drawn view's loss by its pixels; its sums are kept.
@@ -138,20 +135,12 @@ impl LossSums {
         let slopes = work.buffer::<[f32; 9]>("slopes of similarities", size[0] as usize * size[1] as usize)?;
         let gradients = pixel_gradients(work, truth)?;
         if size[0] > 0 {
-            let bindings =
-                [(0, &truth.pair), (1, &truth.pixels), (2, &drawn.image), (3, &slopes), (4, &self.similarities)];
-            work.run_over(&COMPARE, &bindings, [centres[0], centres[1], CHANNELS]);
+            let bindings = [(1, &truth.pixels), (2, &drawn.image), (3, &slopes), (4, &self.similarities)];
+            work.run_over(&COMPARE, &[&truth.pair], &bindings, [centres[0], centres[1], CHANNELS]);
         }
-        let bindings = [
-            (0, &truth.pair),
-            (1, &truth.pixels),
-            (2, &drawn.image),
-            (3, &slopes),
-            (4, &drawn.ends),
-            (5, &gradients),
-            (6, &self.errors),
-        ];
-        work.run_over(&DESCEND, &bindings, [pixels[0], pixels[1], CHANNELS]);
+        let bindings =
+            [(1, &truth.pixels), (2, &drawn.image), (3, &slopes), (4, &drawn.ends), (5, &gradients), (6, &self.errors)];
+        work.run_over(&DESCEND, &[&truth.pair], &bindings, [pixels[0], pixels[1], CHANNELS]);
         Ok(gradients)
     }
 
@@ -186,28 +175,68 @@ impl LossSums {
     }
 }
 
+/// Adds what each Gaussian does to the costs of a view, drawn through what is opaque, to `[N, 4]` effects: those of [`pixel_costs`], with `by_square` of
+/// what an absolute error costs for its square.
+///
+/// # Errors
+/// Where the GPU has not so much room.
+///
+/// [`pixel_costs`]: super::pixel_costs
+pub(crate) fn add_effects<'v>(
+    work: &mut Work<'_>,
+    (view, drawn): (&'v View, &Drawn),
+    (weights, by_square): (&LossWeights, f32),
+    kept: &mut Kept<'v>,
+    effects: &Buffer,
+) -> Result<(), GpuError> {
+    // The similarity alone counts as linear.
+    let linear = LossSums::new(work, &[view], &LossWeights { l1: 0.0, depth: 0.0, ..*weights })?;
+    let truth = linear.truth(work, (0, view), kept)?;
+    let slopes = linear.gradient(work, &truth, drawn)?;
+    let LossCounts { pixels, samples, .. } = truth.view.counts;
+    let colour = over(weights.l1, 3 * pixels);
+    let per = [colour, by_square * colour, over(weights.depth, samples)];
+    work.add_effects(drawn, ViewCosts { truth: &truth.pixels, slopes: &slopes, per }, effects)
+}
+
 /// As [`residual_image`](super::residual_image), with maps of the pixels that count and of their mean absolute errors.
 ///
 /// # Errors
 /// Where the GPU has not so much room.
 pub(crate) fn residual(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn) -> Result<Buffer, GpuError> {
     let gradients = pixel_gradients(work, truth)?;
-    let bindings = [(0, &truth.pair), (1, &truth.pixels), (2, &drawn.image), (3, &drawn.ends), (5, &gradients)];
-    work.run(&TAKE_RESIDUAL, &bindings, groups_over(to_u32(truth.num_pixels)));
+    let bindings = [(1, &truth.pixels), (2, &drawn.image), (3, &drawn.ends), (5, &gradients)];
+    work.run(&TAKE_RESIDUAL, &[&truth.pair], &bindings, groups_over(to_u32(truth.num_pixels)));
     Ok(gradients)
 }
 
-/// Maps of what is wanted of a step times what it does to the colours `before` (`[H, W, 3]`), and of the square of the latter.
+/// `[H, W, 4]` of `[H, W, 3]` colours before a step.
 ///
 /// # Errors
 /// Where the GPU has not so much room.
-pub(crate) fn agreement(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn, before: &[f32]) -> Result<Buffer, GpuError> {
-    let before: Vec<[f32; 4]> = before.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
-    let before = work.upload("colours before", &before)?;
+pub(crate) fn colours_before(work: &mut Work<'_>, image: &[f32]) -> Result<Buffer, GpuError> {
+    let colours: Vec<[f32; 4]> = image.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+    work.upload("colours before", &colours)
+}
+
+/// Maps of what is wanted of a step times what it does to the colours `before` (`[H, W, 4]`), and of the square of the latter.
+///
+/// # Errors
+/// Where the GPU has not so much room.
+pub(crate) fn agreement(
+    work: &mut Work<'_>,
+    truth: &Truth,
+    drawn: &Drawn,
+    before: &Buffer,
+) -> Result<Buffer, GpuError> {
     let gradients = pixel_gradients(work, truth)?;
-    let bindings = [(0, &truth.pair), (1, &truth.pixels), (2, &drawn.image), (4, &before), (5, &gradients)];
-    work.run(&TAKE_AGREEMENT, &bindings, groups_over(to_u32(truth.num_pixels)));
+    let bindings = [(1, &truth.pixels), (2, &drawn.image), (4, before), (5, &gradients)];
+    work.run(&TAKE_AGREEMENT, &[&truth.pair], &bindings, groups_over(to_u32(truth.num_pixels)));
     Ok(gradients)
+}
+
+fn over(weight: f32, count: usize) -> f32 {
+    if count == 0 { 0.0 } else { weight / count as f32 }
 }
 
 fn pixel_gradients(work: &mut Work<'_>, truth: &Truth) -> Result<Buffer, GpuError> {

@@ -15,8 +15,8 @@ use crate::render::gpu::{Gpu, GpuError, Kernel, Owned, Work, count, groups_over,
 use crate::views::View;
 
 const SOURCES: &[&str] = &[include_str!("adam.wgsl")];
-const SHOW_RAW: Kernel = Kernel { name: "show_raw", sources: SOURCES, constants };
-const DESCEND_RAW: Kernel = Kernel { name: "descend_raw", sources: SOURCES, constants };
+const SHOW_RAW: Kernel = Kernel::with("show_raw", SOURCES, constants);
+const DESCEND_RAW: Kernel = Kernel::with("descend_raw", SOURCES, constants);
 
 /// Bytes of a Gaussian's parameters, time and moments.
 const BYTES_OF_SPLAT: u64 = ((3 * VARIABLES + 1) * size_of::<f32>()) as u64;
@@ -131,24 +131,22 @@ impl There {
         let weights = LossWeights::default();
         let scene = work.scene(self.len)?;
         let slope = f64::from(weights.velocity) / self.num_lidar.max(1) as f64;
-        let told = work.uniform(&told([self.len, self.num_lidar], settings, done, slope));
+        let told = work.tell(&told([self.len, self.num_lidar], settings, done, slope));
         let num_groups = groups_over(to_u32(self.len));
-        let bindings =
-            [(0, &told), (1, self.raw.buffer()), (2, self.times.buffer()), (3, &scene.shapes), (4, &scene.looks)];
-        work.run(&SHOW_RAW, &bindings, num_groups);
+        let bindings = [(1, self.raw.buffer()), (2, self.times.buffer()), (3, &scene.shapes), (4, &scene.looks)];
+        work.run(&SHOW_RAW, &[&told], &bindings, num_groups);
         let losses = gpu::descend(work, &scene, views, &weights, kept)?;
         // The last that can fail comes before the step: what fails leaves the scene as it was.
         let sums = work.buffer::<[f32; 2]>("sums of steps", num_groups as usize)?;
         let terms = losses.terms(work)?;
         let bindings = [
-            (0, &told),
             (1, self.raw.buffer()),
             (5, &scene.gradients),
             (6, self.moments[0].buffer()),
             (7, self.moments[1].buffer()),
             (8, &sums),
         ];
-        work.run(&DESCEND_RAW, &bindings, num_groups);
+        work.run(&DESCEND_RAW, &[&told], &bindings, num_groups);
         let sums = work.read::<[f32; 2]>(&sums, 0, num_groups as usize)?;
         let speed: f64 = sums.iter().map(|sum| f64::from(sum[0])).sum();
         let spoiled: u32 = sums.iter().map(|sum| whole(sum[1])).sum();

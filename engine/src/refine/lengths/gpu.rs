@@ -20,10 +20,14 @@ pub(super) fn agreements<'v>(
     let mut work = gpu.work()?;
     let scene = work.load(splats)?;
     let sums = gpu::LossSums::new(&mut work, views, &LossWeights::default())?;
-    for (number, (before, view)) in before.iter().zip(views).enumerate() {
+    for (number, view) in views.iter().enumerate() {
         let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
         let truth = sums.truth(&mut work, (number, view), kept)?;
-        let maps = gpu::agreement(&mut work, &truth, &drawn, before)?;
+        let before = match before.get(number) {
+            Some(image) => gpu::colours_before(&mut work, image)?,
+            None => kept.drawn(&work, number).ok_or_else(|| GpuError::Lost("a drawn image is no more".to_owned()))?,
+        };
+        let maps = gpu::agreement(&mut work, &truth, &drawn, &before)?;
         work.add_backward(&scene, &drawn, &maps, &scene.gradients, 1.0)?;
     }
     let seen = work.seen(&scene)?;

@@ -10,12 +10,18 @@ use wgpu::Buffer;
 use super::super::ImageGradient;
 use super::error::GpuError;
 use super::forward::Drawn;
-use super::kernels::{Kernel, MAPPED, ROW, SEEN, SUMS};
+use super::kernels::{Kernel, MAPPED, ROW, SEEN, SUMS, count};
 use super::project::{PROJECTION, SceneBuffers};
 use super::work::{Work, groups_over};
 use crate::gaussians::physical::SplatGradient;
 
-const UNCOMPOSITE: Kernel = Kernel::new("uncomposite", &[include_str!("backward.wgsl")]);
+const UNCOMPOSITE: &[&str] = &[include_str!("backward.wgsl")];
+const UNCOMPOSITE_64: Kernel =
+    Kernel { name: "uncomposite 64", entry: "uncomposite", sources: UNCOMPOSITE, constants: || count("THREADS", 64) };
+const UNCOMPOSITE_128: Kernel =
+    Kernel { name: "uncomposite 128", constants: || count("THREADS", 128), ..UNCOMPOSITE_64 };
+const UNCOMPOSITE_256: Kernel =
+    Kernel { name: "uncomposite 256", constants: || count("THREADS", 256), ..UNCOMPOSITE_64 };
 const BACK: &[&str] = &[PROJECTION, include_str!("project_backward.wgsl")];
 const SUM_TILES: Kernel = Kernel::new("sum_tiles", BACK);
 const PROJECT_BACK: Kernel = Kernel::new("project_back", BACK);
@@ -45,9 +51,9 @@ struct Back {
 
 /// Tiles whose sums are held at the same time, and their places.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Batch {
-    tiles: Range<u32>,
-    places: Range<u32>,
+pub(super) struct Batch {
+    pub(super) tiles: Range<u32>,
+    pub(super) places: Range<u32>,
 }
 
 /// What one Gaussian's row says.
@@ -80,8 +86,7 @@ impl Work<'_> {
         if drawn.num_intersections == 0 {
             return Ok(());
         }
-        let most = self.most_bytes(SUMS_NAME) / SUMS_BYTES;
-        let batches = self.batches(drawn, u32::try_from(most).unwrap_or(u32::MAX))?;
+        let batches = self.batches(drawn, SUMS_NAME, SUMS_BYTES)?;
         let room = batches.iter().map(|batch| batch.places.len()).max().unwrap_or(0);
         let sums = self.buffer::<[f32; SUMS]>(SUMS_NAME, room)?;
         let totals = self.buffer::<[f32; SUMS]>("sums of Gaussians", drawn.num_visible as usize)?;
@@ -89,13 +94,12 @@ impl Work<'_> {
         let over_visible = groups_over(drawn.num_visible);
         for (number, Batch { tiles, places }) in batches.iter().enumerate() {
             let [r, g, b] = drawn.background;
-            let told = self.uniform(&Uncomposite {
+            let told = self.tell(&Uncomposite {
                 size: [drawn.size[0], drawn.size[1], drawn.columns, lists.num_tiles],
                 background: [r, g, b, 0.0],
                 batch: [tiles.start, tiles.end - tiles.start, places.start, 0],
             });
             let bindings = [
-                (0, &told),
                 (1, &drawn.footprints),
                 (2, &lists.first_of_tile),
                 (3, &lists.intersections),
@@ -104,45 +108,35 @@ impl Work<'_> {
                 (6, gradients),
                 (7, &sums),
             ];
-            self.run(&UNCOMPOSITE, &bindings, tiles.end - tiles.start);
+            self.run(uncomposite(lists.num_tiles), &[&told], &bindings, tiles.end - tiles.start);
             let batch = [places.start, places.end - places.start, u32::from(number == 0), 0];
-            let back = self.uniform(&Back { batch, factor: [factor, 0.0, 0.0, 0.0] });
-            let bindings = [
-                (0, &lists.camera),
-                (1, &back),
-                (3, &lists.first_of_splat),
-                (4, &lists.places),
-                (5, &sums),
-                (6, &totals),
-            ];
-            self.run(&SUM_TILES, &bindings, over_visible);
+            let back = self.tell(&Back { batch, factor: [factor, 0.0, 0.0, 0.0] });
+            let bindings = [(3, &lists.first_of_splat), (4, &lists.places), (5, &sums), (6, &totals)];
+            self.run(&SUM_TILES, &[&lists.camera, &back], &bindings, over_visible);
         }
-        let back = self.uniform(&Back { batch: [0; 4], factor: [factor, 0.0, 0.0, 0.0] });
-        let bindings = [
-            (0, &lists.camera),
-            (1, &back),
-            (2, &lists.visible),
-            (6, &totals),
-            (7, &scene.shapes),
-            (8, &scene.looks),
-            (9, rows),
-        ];
-        self.run(&PROJECT_BACK, &bindings, over_visible);
+        let back = self.tell(&Back { batch: [0; 4], factor: [factor, 0.0, 0.0, 0.0] });
+        let bindings = [(2, &lists.visible), (6, &totals), (7, &scene.shapes), (8, &scene.looks), (9, rows)];
+        self.run(&PROJECT_BACK, &[&lists.camera, &back], &bindings, over_visible);
         Ok(())
     }
 
-    /// Tiles in runs of at most so many places; one run where all fit.
-    fn batches(&mut self, drawn: &Drawn, most: u32) -> Result<Vec<Batch>, GpuError> {
+    /// Tiles in runs of as many places as a buffer has room for, each of so many bytes; one run where all fit, none where there are no places.
+    ///
+    /// # Errors
+    /// Where one tile has more, or the GPU has stopped.
+    pub(super) fn batches(&mut self, drawn: &Drawn, name: &'static str, bytes: u64) -> Result<Vec<Batch>, GpuError> {
+        let limit = self.most_bytes(name);
+        let most = u32::try_from(limit / bytes).unwrap_or(u32::MAX);
         let num_tiles = drawn.lists.num_tiles;
+        if drawn.num_intersections == 0 {
+            return Ok(Vec::new());
+        }
         if drawn.num_intersections <= most {
             return Ok(vec![Batch { tiles: 0..num_tiles, places: 0..drawn.num_intersections }]);
         }
         let first = self.read::<u32>(&drawn.lists.first_of_tile, 0, num_tiles as usize + 1)?;
-        runs(&first, most).ok_or_else(|| GpuError::TooLarge {
-            what: "sums of a tile",
-            need: u64::from(drawn.num_intersections) * SUMS_BYTES,
-            limit: self.most_bytes(SUMS_NAME),
-        })
+        let need = u64::from(drawn.num_intersections) * bytes;
+        runs(&first, most).ok_or(GpuError::TooLarge { what: "sums of a tile", need, limit })
     }
 
     /// `[H, W, 2, 4]` of a gradient by a view's images, and of two maps; empty vectors stand for zeros.
@@ -190,6 +184,16 @@ impl Row {
             colour: std::array::from_fn(|k| row[11 + k]),
             velocity: std::array::from_fn(|k| row[14 + k]),
         }
+    }
+}
+
+/// The kernel for a view of so many tiles: a large GPU has some thousand groups of 64 at work at a time, and where there are fewer tiles, more threads
+/// share each.
+fn uncomposite(num_tiles: u32) -> &'static Kernel {
+    match num_tiles {
+        0..1024 => &UNCOMPOSITE_256,
+        1024..4096 => &UNCOMPOSITE_128,
+        _ => &UNCOMPOSITE_64,
     }
 }
 

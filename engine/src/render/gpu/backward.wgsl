@@ -1,5 +1,6 @@
-// Back-to-front gradients of the compositing, a tile by each group of 64 threads, eight pixels by each: few threads, because every sum over the
-// tile's pixels goes through memory that they share. Every intersection has a place of its own for its sums.
+// Back-to-front gradients of the compositing, a tile by each group of `THREADS`, 64 or a multiple of it: the fewer, the more pixels of its own each sums
+// before the sums go through memory that they share; the more, the more of the GPU works where there are few tiles. Every intersection has a place
+// of its own for its sums.
 
 struct Composite {
     // Width, height, columns of tiles, tiles.
@@ -20,18 +21,21 @@ struct Composite {
 @group(0) @binding(6) var<storage, read> gradients: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> sums: array<f32>; // [places, SUMS]
 
-const PIXELS: u32 = TILE_WIDTH * TILE_HEIGHT / 64u;
-const ROWS: u32 = 64u / TILE_WIDTH;
+const PIXELS: u32 = TILE_WIDTH * TILE_HEIGHT / THREADS;
+const ROWS: u32 = THREADS / TILE_WIDTH;
+// Parts of the threads, of 64 each, whose sums are taken by themselves.
+const PARTS: u32 = THREADS / 64u;
 // Gaussians whose sums are taken together.
-const TOGETHER: u32 = 4u;
-// A column more than threads, so that those that sum read from different banks.
+const TOGETHER: u32 = 4u / PARTS;
+// A column more than threads of a part, so that those that sum read from different banks.
 const STRIDE: u32 = 65u;
 
 var<workgroup> held: array<vec4<f32>, 192>;
-var<workgroup> parts: array<f32, TOGETHER * SUMS * STRIDE>;
+var<workgroup> parts: array<f32, TOGETHER * PARTS * SUMS * STRIDE>;
+var<workgroup> of_parts: array<f32, 4u * SUMS>;
 var<workgroup> last: u32;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(THREADS)
 fn uncomposite(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -81,7 +85,7 @@ fn uncomposite(
     parts[local] = farthest;
     workgroupBarrier();
     if (local == 0u) {
-        for (var i = 1u; i < 64u; i += 1u) {
+        for (var i = 1u; i < THREADS; i += 1u) {
             farthest = max(farthest, parts[i]);
         }
         last = u32(min(farthest, 4294967040.0));
@@ -91,7 +95,7 @@ fn uncomposite(
     let length = lists[tile + 1u] - start;
     let used = min(length, bound);
     // Behind the last Gaussian that any pixel shows there is nothing to sum.
-    for (var at = SUMS * used + local; at < SUMS * length; at += 64u) {
+    for (var at = SUMS * used + local; at < SUMS * length; at += THREADS) {
         sums[(start - drawing.batch.z) * SUMS + at] = 0.0;
     }
     for (var rest = used; rest > 0u; rest -= min(rest, 64u)) {
@@ -138,21 +142,38 @@ fn uncomposite(
                         s2 += vec4<f32>(w * v[k].z, w * v[k].w, w * maps[k]);
                     }
                 }
+                // [Gaussians, sums, parts, threads of a part]
+                let at = (g * SUMS * PARTS + local / 64u) * STRIDE + local % 64u;
                 for (var k = 0u; k < 4u; k += 1u) {
-                    parts[(g * SUMS + k) * STRIDE + local] = s0[k];
-                    parts[(g * SUMS + 4u + k) * STRIDE + local] = s1[k];
-                    parts[(g * SUMS + 8u + k) * STRIDE + local] = s2[k];
+                    parts[at + k * PARTS * STRIDE] = s0[k];
+                    parts[at + (4u + k) * PARTS * STRIDE] = s1[k];
+                    parts[at + (8u + k) * PARTS * STRIDE] = s2[k];
                 }
             }
             workgroupBarrier();
-            if (local < some * SUMS) {
-                var sum = vec4<f32>(0.0);
+            var sum = vec4<f32>(0.0);
+            if (local < some * SUMS * PARTS) {
                 for (var i = 0u; i < 64u; i += 4u) {
                     let at = local * STRIDE + i;
                     sum += vec4<f32>(parts[at], parts[at + 1u], parts[at + 2u], parts[at + 3u]);
                 }
+            }
+            var total = (sum.x + sum.y) + (sum.z + sum.w);
+            if (PARTS > 1u) {
+                if (local < some * SUMS * PARTS) {
+                    of_parts[local] = total;
+                }
+                workgroupBarrier();
+                total = 0.0;
+                if (local < some * SUMS) {
+                    for (var part = 0u; part < PARTS; part += 1u) {
+                        total += of_parts[local * PARTS + part];
+                    }
+                }
+            }
+            if (local < some * SUMS) {
                 let place = start + base + count - 1u - done - local / SUMS - drawing.batch.z;
-                sums[place * SUMS + local % SUMS] = (sum.x + sum.y) + (sum.z + sum.w);
+                sums[place * SUMS + local % SUMS] = total;
             }
             workgroupBarrier();
         }

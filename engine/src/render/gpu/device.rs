@@ -144,6 +144,7 @@ fn opened_gpu(index: usize, adapter: &wgpu::Adapter) -> Result<Gpu, GpuError> {
     let limits = adapter.limits();
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("lgs"),
+        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
         required_limits: limits.clone(),
         memory_hints: wgpu::MemoryHints::Performance,
         ..wgpu::DeviceDescriptor::default()

@@ -1,11 +1,12 @@
 //! A view, drawn: images and the state that its gradient needs, all of it on the GPU.
 
 use bytemuck::{Pod, Zeroable};
+use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::Rendered;
-use super::super::constants::TRANSMITTANCE_MIN;
+use super::super::constants::{TILE_PIXELS, TRANSMITTANCE_MIN, UNSEEN};
 use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::SceneBuffers;
@@ -14,6 +15,8 @@ use super::work::Work;
 use crate::views::PinholeView;
 
 const COMPOSITE: Kernel = Kernel::new("composite", &[include_str!("forward.wgsl")]);
+/// Groups of 256 that share a tile.
+const HALVES: usize = TILE_PIXELS / 256;
 
 /// What compositing is told.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -62,6 +65,30 @@ impl Work<'_> {
         view: &PinholeView,
         background: [f32; 3],
     ) -> Result<Drawn, GpuError> {
+        self.draw_until(TRANSMITTANCE_MIN, scene, view, background)
+    }
+
+    /// As [`Work::draw`], compositing also what is behind opaque Gaussians.
+    ///
+    /// # Errors
+    /// As [`Work::draw`].
+    pub(crate) fn draw_through(
+        &mut self,
+        scene: &SceneBuffers,
+        view: &PinholeView,
+        background: [f32; 3],
+    ) -> Result<Drawn, GpuError> {
+        self.draw_until(UNSEEN, scene, view, background)
+    }
+
+    /// Draws a view whose pixels end at a transmittance.
+    fn draw_until(
+        &mut self,
+        least: f32,
+        scene: &SceneBuffers,
+        view: &PinholeView,
+        background: [f32; 3],
+    ) -> Result<Drawn, GpuError> {
         let projection = self.project(scene, view)?;
         let lists = self.bin(scene, &projection)?;
         let [width, height, columns, _] = projection.camera.size;
@@ -69,18 +96,16 @@ impl Work<'_> {
         let image = self.buffer::<[f32; 4]>("image", pixels)?;
         let ends = self.buffer::<[f32; 2]>("ends of pixels", pixels)?;
         let [r, g, b] = background;
-        let told =
-            Composite { size: [width, height, columns, lists.num_tiles], background: [r, g, b, TRANSMITTANCE_MIN] };
-        let told = self.uniform(&told);
+        let told = Composite { size: [width, height, columns, lists.num_tiles], background: [r, g, b, least] };
+        let told = self.tell(&told);
         let bindings = [
-            (0, &told),
             (1, &projection.footprints),
             (2, &lists.first_of_tile),
             (3, &lists.intersections),
             (4, &image),
             (5, &ends),
         ];
-        self.run(&COMPOSITE, &bindings, lists.num_tiles);
+        self.run(&COMPOSITE, &[&told], &bindings, to_u32(HALVES) * lists.num_tiles);
         Ok(Drawn {
             size: [width, height],
             image,
@@ -100,7 +125,7 @@ impl Work<'_> {
     /// [`GpuError::Lost`] where the GPU has stopped.
     pub(crate) fn colours(&mut self, drawn: &Drawn) -> Result<Vec<f32>, GpuError> {
         let image = self.read::<[f32; 4]>(&drawn.image, 0, drawn.num_pixels())?;
-        Ok(image.par_iter().flat_map_iter(|&[r, g, b, _]| [r, g, b]).collect())
+        Ok(colours_of(&image))
     }
 
     /// The images of a drawn view.
@@ -114,9 +139,14 @@ impl Work<'_> {
         Ok(Rendered {
             width: drawn.size[0] as usize,
             height: drawn.size[1] as usize,
-            rgb: image.par_iter().flat_map_iter(|&[r, g, b, _]| [r, g, b]).collect(),
+            rgb: colours_of(&image),
             alpha: ends.iter().map(|[transmittance, _]| 1.0 - transmittance).collect(),
             depth: image.iter().map(|[_, _, _, depth]| *depth).collect(),
         })
     }
+}
+
+fn colours_of(image: &[[f32; 4]]) -> Vec<f32> {
+    let colours: Vec<[f32; 3]> = image.par_iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+    colours.into_flattened()
 }

@@ -33,12 +33,12 @@ impl Work<'_> {
     pub(crate) fn seen(&mut self, scene: &SceneBuffers) -> Result<Seen, GpuError> {
         let num_all = to_u32(scene.len);
         let places = self.buffer::<u32>("places of the seen", scene.len + 1)?;
-        let size = self.uniform(&[num_all, 0, 0, 0]);
-        self.run(&FLAG_SEEN, &[(0, &size), (1, &scene.gradients), (2, &places)], groups_over(num_all + 1));
+        let size = self.tell(&[num_all, 0, 0, 0]);
+        self.run(&FLAG_SEEN, &[&size], &[(1, &scene.gradients), (2, &places)], groups_over(num_all + 1));
         scan(self, &places, num_all + 1)?;
         let count = self.read::<u32>(&places, scene.len, 1)?[0] as usize;
         let indices = self.buffer::<u32>("seen", count)?;
-        self.run(&LIST_SEEN, &[(0, &size), (2, &places), (4, &indices)], groups_over(num_all));
+        self.run(&LIST_SEEN, &[&size], &[(2, &places), (4, &indices)], groups_over(num_all));
         Ok(Seen { indices: self.read(&indices, 0, count)?, places, num_all })
     }
 
@@ -49,9 +49,9 @@ impl Work<'_> {
     pub(crate) fn gather(&mut self, seen: &Seen, rows: &Buffer, columns: Range<usize>) -> Result<Vec<f32>, GpuError> {
         let all = seen.indices.len() * columns.len();
         let packed = self.buffer::<f32>("packed rows", all)?;
-        let size = self.uniform(&[seen.num_all, to_u32(columns.start), to_u32(columns.len()), 0]);
-        let bindings = [(0, &size), (1, rows), (2, &seen.places), (3, &packed)];
-        self.run(&PACK_ROWS, &bindings, groups_over(seen.num_all));
+        let size = self.tell(&[seen.num_all, to_u32(columns.start), to_u32(columns.len()), 0]);
+        let bindings = [(1, rows), (2, &seen.places), (3, &packed)];
+        self.run(&PACK_ROWS, &[&size], &bindings, groups_over(seen.num_all));
         self.read(&packed, 0, all)
     }
 }

@@ -14,11 +14,13 @@ pub(crate) const MAPPED: usize = 17;
 /// What in a row says whether the Gaussian is seen.
 pub(crate) const SEEN: usize = 19;
 
-/// A kernel: its entry point, which no other has, and the sources that it needs.
+/// A kernel: its entry point and the sources that it needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kernel {
-    /// Entry point.
+    /// Its name, which no other has.
     pub(crate) name: &'static str,
+    /// Entry point.
+    pub(crate) entry: &'static str,
     /// WGSL, beside what every kernel has.
     pub(crate) sources: &'static [&'static str],
     /// Constants of its own, as WGSL.
@@ -28,7 +30,12 @@ pub(crate) struct Kernel {
 impl Kernel {
     /// A kernel without constants of its own.
     pub(crate) const fn new(name: &'static str, sources: &'static [&'static str]) -> Self {
-        Self { name, sources, constants: String::new }
+        Self::with(name, sources, String::new)
+    }
+
+    /// A kernel with constants of its own.
+    pub(crate) const fn with(name: &'static str, sources: &'static [&'static str], constants: fn() -> String) -> Self {
+        Self { name, entry: name, sources, constants }
     }
 
     /// Its whole WGSL.

@@ -8,7 +8,9 @@
 //! the intersections, which are taken in runs of tiles.
 
 mod backward;
+mod clock;
 mod device;
+mod effects;
 mod error;
 mod forward;
 mod gather;
@@ -18,6 +20,7 @@ mod project;
 mod room;
 mod sort;
 mod tiles;
+mod told;
 mod work;
 
 use std::time::Instant;
@@ -27,12 +30,15 @@ use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
 
 pub(crate) use backward::Row;
+use clock::Clock;
 pub use device::{Adapter, Gpu, adapters, open, open_limited, open_real};
+pub(crate) use effects::ViewCosts;
 pub use error::GpuError;
 pub(crate) use forward::Drawn;
 pub(crate) use kernels::{Kernel, MAPPED, count, single};
 pub(crate) use memory::Owned;
 pub(crate) use project::SceneBuffers;
+pub(crate) use told::Told;
 pub(crate) use work::{Work, groups_over};
 
 /// As [`render`](super::render), on a GPU.
@@ -46,22 +52,31 @@ pub fn render(gpu: &Gpu, splats: &[Splat], view: &PinholeView, background: [f32;
     work.images(&drawn)
 }
 
-/// Mean seconds of `times` drawings of a view, over black, of a scene that is on the GPU already; with a gradient, of its way back too.
+/// What drawing takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Times {
+    /// Mean seconds of a drawing.
+    pub mean: f64,
+    /// Seconds of each kernel in one drawing, by the GPU's clock; empty where it has none.
+    pub kernels: Vec<(&'static str, f64)>,
+}
+
+/// Times of `times` drawings of a view, over black, of a scene that is on the GPU already; with a gradient, of its way back too.
 ///
 /// # Errors
 /// Where the view does not fit, or the GPU has stopped.
-pub fn seconds(
+pub fn times(
     gpu: &Gpu,
     splats: &[Splat],
     view: &PinholeView,
     gradient: Option<&ImageGradient>,
     times: u32,
-) -> Result<f64, GpuError> {
+) -> Result<Times, GpuError> {
     let mut work = gpu.work()?;
     let scene = work.load(splats)?;
     let drawn = work.draw(&scene, view, [0.0; 3])?;
     let by_pixel = gradient.map(|gradient| work.upload_gradient(&drawn, gradient, [&[], &[]])).transpose()?;
-    let mut draw = |times: u32| -> Result<f64, GpuError> {
+    let draw = |work: &mut Work<'_>, times: u32| -> Result<f64, GpuError> {
         let start = Instant::now();
         for _ in 0..times {
             let drawn = work.draw(&scene, view, [0.0; 3])?;
@@ -74,8 +89,11 @@ pub fn seconds(
         Ok(start.elapsed().as_secs_f64() / f64::from(times.max(1)))
     };
     // The first builds kernels.
-    draw(1)?;
-    draw(times)
+    draw(&mut work, 1)?;
+    let mean = draw(&mut work, times)?;
+    work.clock = Clock::new(gpu);
+    draw(&mut work, 1)?;
+    Ok(Times { mean, kernels: work.stop_clock()? })
 }
 
 /// A drawn view, gradients by all Gaussians, and the sums of two maps under their blending weights.

@@ -64,8 +64,8 @@ pub(super) struct Camera {
 pub(super) struct Projection {
     pub(super) camera: Camera,
     pub(super) footprints: Buffer,
+    /// `[2, N + 1]` sums over the Gaussians before each: of the visible, then of the tiles that each touches.
     pub(super) places: Buffer,
-    pub(super) counts: Buffer,
     pub(super) num_visible: u32,
     pub(super) num_intersections: u32,
 }
@@ -108,21 +108,20 @@ impl Work<'_> {
     /// # Errors
     /// As [`Work::buffer`].
     pub(crate) fn load(&mut self, splats: &[Splat]) -> Result<SceneBuffers, GpuError> {
-        let shapes: Vec<[f32; 4]> = splats
+        let shapes: Vec<[[f32; 4]; SHAPE]> = splats
             .par_iter()
-            .flat_map_iter(|s| {
+            .map(|s| {
                 let ([x, y, z], [a, b, c]) = (s.mean, s.scale);
                 [[x, y, z, s.time], s.quat, [a, b, c, s.opacity]]
             })
             .collect();
-        let looks: Vec<[f32; 4]> = splats
+        let looks: Vec<[[f32; 4]; LOOK]> = splats
             .par_iter()
-            .flat_map_iter(|s| {
+            .map(|s| {
                 let ([r, g, b], [x, y, z]) = (s.colour, s.velocity);
                 [[r, g, b, 0.0], [x, y, z, 0.0]]
             })
             .collect();
-        debug_assert!(shapes.len() == SHAPE * splats.len() && looks.len() == LOOK * splats.len());
         let (shapes, looks) = (self.upload("shapes", &shapes)?, self.upload("looks", &looks)?);
         let gradients = self.rows("gradients", splats.len())?;
         Ok(SceneBuffers { shapes, looks, gradients, len: splats.len() })
@@ -156,25 +155,15 @@ impl Work<'_> {
         let len = to_u32(scene.len);
         let mut camera = Camera::of(view, len);
         let footprints = self.buffer::<[[f32; 4]; FOOTPRINT]>("footprints", scene.len)?;
-        let places = self.buffer::<u32>("places of the visible", scene.len + 1)?;
-        let counts = self.buffer::<u32>("tiles of each", scene.len + 1)?;
-        let totals = self.buffer::<u32>("intersections before each", scene.len + 1)?;
-        let told = self.uniform(&camera);
-        let bindings = [
-            (0, &told),
-            (1, &scene.shapes),
-            (2, &scene.looks),
-            (3, &footprints),
-            (4, &places),
-            (5, &counts),
-            (6, &totals),
-        ];
-        self.run(&PROJECT, &bindings, groups_over(len + 1));
-        super::sort::scan(self, &places, len + 1)?;
-        super::sort::scan(self, &totals, len + 1)?;
-        let counts_in_all = self.read_pieces::<u32>(&[(&places, scene.len), (&totals, scene.len)], 1)?;
-        let (num_visible, num_intersections) = (counts_in_all[0], counts_in_all[1]);
+        let places = self.buffer::<[u32; 2]>("places of the visible", scene.len + 1)?;
+        let told = self.tell(&camera);
+        let bindings = [(1, &scene.shapes), (2, &scene.looks), (3, &footprints), (4, &places)];
+        self.run(&PROJECT, &[&told], &bindings, groups_over(len + 1));
+        // One list, so that its sums are taken at once.
+        super::sort::scan(self, &places, 2 * (len + 1))?;
+        let sums = self.read_pieces::<u32>(&[(&places, scene.len), (&places, 2 * scene.len + 1)], 1)?;
+        let (num_visible, num_intersections) = (sums[0], sums[1] - sums[0]);
         camera.count[1] = num_visible;
-        Ok(Projection { camera, footprints, places, counts, num_visible, num_intersections })
+        Ok(Projection { camera, footprints, places, num_visible, num_intersections })
     }
 }

@@ -4,9 +4,7 @@
 @group(0) @binding(1) var<storage, read> shapes: array<vec4<f32>>; // [N, 3]: mean and time, quaternion, scale and opacity
 @group(0) @binding(2) var<storage, read> looks: array<vec4<f32>>; // [N, 2]: colour, velocity
 @group(0) @binding(3) var<storage, read_write> footprints: array<vec4<f32>>; // [N, 4]
-@group(0) @binding(4) var<storage, read_write> flags: array<u32>; // [N + 1]
-@group(0) @binding(5) var<storage, read_write> counts: array<u32>; // [N + 1]
-@group(0) @binding(6) var<storage, read_write> totals: array<u32>; // [N + 1], the counts again
+@group(0) @binding(4) var<storage, read_write> counts: array<u32>; // [2, N + 1]: of the visible, of the tiles
 
 @compute @workgroup_size(256)
 fn project_all(
@@ -18,9 +16,9 @@ fn project_all(
     if (i > camera.count.x) {
         return;
     }
-    flags[i] = 0u;
+    let tiles = camera.count.x + 1u + i;
     counts[i] = 0u;
-    totals[i] = 0u;
+    counts[tiles] = 0u;
     if (i == camera.count.x) {
         return;
     }
@@ -61,7 +59,6 @@ fn project_all(
             count += u32(columns.y - columns.x + 1);
         }
     }
-    flags[i] = 1u;
-    counts[i] = count;
-    totals[i] = count;
+    counts[i] = 1u;
+    counts[tiles] = count;
 }

@@ -1,4 +1,4 @@
-// Exclusive prefix sums, a block of 1024 values by each group; the sums of the blocks are scanned in turn and added.
+// Exclusive prefix sums, a block of 2048 values by each group; the sums of the blocks are scanned in turn and added.
 
 @group(0) @binding(0) var<uniform> size: vec4<u32>; // values, blocks
 @group(0) @binding(1) var<storage, read_write> values: array<u32>;
@@ -13,10 +13,10 @@ fn scan_blocks(
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = linear(group, groups);
-    let first = block * 1024u + local * 4u;
-    var own: array<u32, 4>;
+    let first = block * 2048u + local * 8u;
+    var own: array<u32, 8>;
     var total = 0u;
-    for (var k = 0u; k < 4u; k += 1u) {
+    for (var k = 0u; k < 8u; k += 1u) {
         own[k] = total;
         if (first + k < size.x) {
             total += values[first + k];
@@ -34,7 +34,7 @@ fn scan_blocks(
         workgroupBarrier();
     }
     let before = partial[local] - total;
-    for (var k = 0u; k < 4u; k += 1u) {
+    for (var k = 0u; k < 8u; k += 1u) {
         if (first + k < size.x) {
             values[first + k] = before + own[k];
         }
@@ -50,13 +50,14 @@ fn scan_add(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let block = linear(group, groups);
+    // The first block has nothing before it.
+    let block = linear(group, groups) + 1u;
     if (block >= size.y) {
         return;
     }
     let before = sums[block];
-    for (var k = 0u; k < 4u; k += 1u) {
-        let at = block * 1024u + k * 256u + local;
+    for (var k = 0u; k < 8u; k += 1u) {
+        let at = block * 2048u + k * 256u + local;
         if (at < size.x) {
             values[at] += before;
         }

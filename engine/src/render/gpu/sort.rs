@@ -8,16 +8,22 @@ use super::work::Work;
 
 const SCAN_BLOCKS: Kernel = Kernel::new("scan_blocks", &[include_str!("scan.wgsl")]);
 const SCAN_ADD: Kernel = Kernel::new("scan_add", &[include_str!("scan.wgsl")]);
-const SORT_COUNT: Kernel = Kernel::new("sort_count", &[include_str!("sort.wgsl")]);
-const SORT_SCATTER: Kernel = Kernel::new("sort_scatter", &[include_str!("sort.wgsl")]);
+const SORT: &[&str] = &[include_str!("sort.wgsl")];
+const SORT_COUNT: Kernel = Kernel::new("sort_count", SORT);
+const SORT_SUM: Kernel = Kernel::new("sort_sum", SORT);
+const SORT_SUM_FEW: Kernel = Kernel::new("sort_sum_few", SORT);
+const SORT_SCATTER: Kernel = Kernel::new("sort_scatter", SORT);
 
-/// Elements of a block.
-const BLOCK: u32 = 1024;
+/// Values of a block whose sum is taken, and elements of one that is sorted.
+const SCANNED: u32 = 2048;
+const SORTED: u32 = 1024;
+/// Blocks up to which one group sums the counts of all.
+const FEW: u32 = 32;
 /// Bits of a digit, and digits.
-const DIGIT_BITS: u32 = 4;
+const DIGIT_BITS: u32 = 8;
 const DIGITS: u32 = 1 << DIGIT_BITS;
-/// Names of the sums of blocks, of blocks of blocks and so on: 1024^4 values are more than 2^32.
-const LEVELS: [&str; 4] = ["sums of blocks 1", "sums of blocks 2", "sums of blocks 3", "sums of blocks 4"];
+/// Names of the sums of blocks, of blocks of blocks and so on: 2048^3 values are more than 2^32.
+const LEVELS: [&str; 3] = ["sums of blocks 1", "sums of blocks 2", "sums of blocks 3"];
 
 /// Keys with their payloads.
 #[derive(Clone, Debug)]
@@ -35,13 +41,13 @@ pub(super) fn scan(work: &mut Work<'_>, values: &Buffer, len: u32) -> Result<(),
 }
 
 fn scan_level(work: &mut Work<'_>, values: &Buffer, len: u32, level: usize) -> Result<(), GpuError> {
-    let blocks = len.div_ceil(BLOCK);
+    let blocks = len.div_ceil(SCANNED);
     let sums = work.buffer::<u32>(LEVELS[level], blocks as usize)?;
-    let size = work.uniform(&[len, blocks, 0, 0]);
-    work.run(&SCAN_BLOCKS, &[(0, &size), (1, values), (2, &sums)], blocks);
+    let size = work.tell(&[len, blocks, 0, 0]);
+    work.run(&SCAN_BLOCKS, &[&size], &[(1, values), (2, &sums)], blocks);
     if blocks > 1 {
         scan_level(work, &sums, blocks, level + 1)?;
-        work.run(&SCAN_ADD, &[(0, &size), (1, values), (2, &sums)], blocks);
+        work.run(&SCAN_ADD, &[&size], &[(1, values), (2, &sums)], blocks - 1);
     }
     Ok(())
 }
@@ -57,15 +63,20 @@ pub(super) fn sort(
     len: u32,
     bits: u32,
 ) -> Result<Sorted, GpuError> {
-    let blocks = len.div_ceil(BLOCK);
-    let digits = work.buffer::<u32>("digits", (DIGITS * blocks) as usize)?;
+    let blocks = len.div_ceil(SORTED);
+    let digits = work.buffer::<u32>("digits", DIGITS as usize * blocks as usize)?;
+    let totals = work.buffer::<u32>("digits in all", DIGITS as usize)?;
     for shift in (0..bits).step_by(DIGIT_BITS as usize) {
-        let size = work.uniform(&[len, blocks, shift, 0]);
-        work.run(&SORT_COUNT, &[(0, &size), (1, &from.keys), (2, &digits)], blocks);
-        scan(work, &digits, DIGITS * blocks)?;
+        let size = work.tell(&[len, blocks, shift, 0]);
+        work.run(&SORT_COUNT, &[&size], &[(1, &from.keys), (2, &digits)], blocks);
+        match blocks {
+            0 => {}
+            1..=FEW => work.run(&SORT_SUM_FEW, &[&size], &[(2, &digits), (3, &totals)], 1),
+            _ => work.run(&SORT_SUM, &[&size], &[(2, &digits), (3, &totals)], DIGITS),
+        }
         let bindings =
-            [(0, &size), (1, &from.keys), (2, &digits), (3, &from.payloads), (4, &spare.keys), (5, &spare.payloads)];
-        work.run(&SORT_SCATTER, &bindings, blocks);
+            [(1, &from.keys), (2, &digits), (3, &totals), (4, &from.payloads), (5, &spare.keys), (6, &spare.payloads)];
+        work.run(&SORT_SCATTER, &[&size], &bindings, blocks);
         std::mem::swap(&mut from, &mut spare);
     }
     Ok(from)

@@ -25,7 +25,7 @@ fn list_visible(
     }
 }
 
-// `lists`: indices of the visible, nearest first. Writes their counts of tiles, `[visible + 1]`, to `keys`.
+// `lists`: indices of the visible, nearest first; `counts`: `[2, N + 1]`, the second as sums. Writes their counts of tiles, `[visible + 1]`, to `keys`.
 @compute @workgroup_size(256)
 fn count_in_order(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -34,7 +34,8 @@ fn count_in_order(
 ) {
     let v = linear(group, groups) * 256u + local;
     if (v < camera.count.y) {
-        keys[v] = counts[lists[v]];
+        let tiles = camera.count.x + 1u + lists[v];
+        keys[v] = counts[tiles + 1u] - counts[tiles];
     } else if (v == camera.count.y) {
         keys[v] = 0u;
     }

@@ -3,24 +3,31 @@
 use std::sync::{MutexGuard, PoisonError, mpsc};
 
 use bytemuck::{AnyBitPattern, NoUninit};
-use wgpu::{Buffer, BufferUsages, ComputePipeline};
+use wgpu::{BindGroupLayout, Buffer, BufferUsages, ComputePipeline};
 
+use super::clock::Clock;
 use super::device::Gpu;
 use super::error::GpuError;
 use super::kernels::Kernel;
 use super::memory::Owned;
 use super::room::Room;
+use super::told::Told;
 
 /// Groups in one dimension, at most.
 const MOST_GROUPS: u32 = 65_535;
+/// Bytes up to which what is read is small.
+const SMALL: u64 = 1 << 12;
 /// Invocations of a group that goes over a list.
 const GROUP: u32 = 256;
 
 /// Work on a GPU, which nobody else does meanwhile.
 pub(crate) struct Work<'a> {
-    gpu: &'a Gpu,
-    room: MutexGuard<'a, Room>,
+    pub(super) gpu: &'a Gpu,
+    pub(super) room: MutexGuard<'a, Room>,
     encoder: Option<wgpu::CommandEncoder>,
+    /// Dispatches that follow one another share a pass; it ends before anything else is encoded.
+    pass: Option<wgpu::ComputePass<'static>>,
+    pub(super) clock: Option<Clock>,
 }
 
 /// Groups that go over so many elements.
@@ -35,7 +42,9 @@ impl Gpu {
     /// [`GpuError::Lost`] once it has stopped.
     pub(crate) fn work(&self) -> Result<Work<'_>, GpuError> {
         self.check()?;
-        Ok(Work { gpu: self, room: self.room.lock().unwrap_or_else(PoisonError::into_inner), encoder: None })
+        let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
+        room.told.begin();
+        Ok(Work { gpu: self, room, encoder: None, pass: None, clock: None })
     }
 }
 
@@ -75,16 +84,30 @@ impl Work<'_> {
     /// # Errors
     /// As [`Work::buffer`].
     pub(crate) fn own<T: NoUninit>(&mut self, name: &'static str, values: &[T]) -> Result<Owned, GpuError> {
-        let need = (values.len().max(1) as u64).saturating_mul(size_of::<T>() as u64).next_multiple_of(16);
+        let owned = self.room_for::<T>(name, values.len())?;
+        self.submit();
+        self.gpu.queue.write_buffer(owned.buffer(), 0, bytemuck::cast_slice(values));
+        Ok(owned)
+    }
+
+    /// A buffer of its own with room for `len` elements; what it holds is undefined.
+    ///
+    /// # Errors
+    /// As [`Work::buffer`].
+    pub(crate) fn room_for<T>(&mut self, name: &'static str, len: usize) -> Result<Owned, GpuError> {
+        let need = (len.max(1) as u64).saturating_mul(size_of::<T>() as u64).next_multiple_of(16);
         let limit = self.gpu.most_bytes;
         if need > limit {
             return Err(GpuError::TooLarge { what: name, need, limit });
         }
         self.gpu.memory.check(name, need, 0)?;
-        let owned = self.gpu.memory.own(self.create(name, need)?);
-        self.submit();
-        self.gpu.queue.write_buffer(owned.buffer(), 0, bytemuck::cast_slice(values));
-        Ok(owned)
+        Ok(self.gpu.memory.own(self.create(name, need)?))
+    }
+
+    /// Copies the first `len` elements of a buffer to another.
+    pub(crate) fn copy<T>(&mut self, from: &Buffer, to: &Buffer, len: usize) {
+        let bytes = len as u64 * size_of::<T>() as u64;
+        self.encoder().copy_buffer_to_buffer(from, 0, to, 0, bytes);
     }
 
     /// Whether a buffer was made here.
@@ -136,57 +159,70 @@ impl Work<'_> {
         self.encoder().clear_buffer(buffer, 0, Some(bytes));
     }
 
-    /// A small buffer of what a kernel is told.
-    pub(crate) fn uniform<T: NoUninit>(&self, value: &T) -> Buffer {
-        let bytes = bytemuck::bytes_of(value);
-        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("uniform"),
-            size: bytes.len() as u64,
-            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        self.gpu.queue.write_buffer(&buffer, 0, bytes);
-        buffer
+    /// What kernels are told, until the end of the work.
+    pub(crate) fn tell<T: NoUninit>(&mut self, value: &T) -> Told {
+        self.room.told.add(&self.gpu.device, bytemuck::bytes_of(value))
     }
 
-    fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+    /// The encoder, outside of a pass.
+    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        self.pass = None;
         let device = &self.gpu.device;
         self.encoder.get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()))
     }
 
     fn submit(&mut self) {
+        self.pass = None;
         if let Some(encoder) = self.encoder.take() {
+            self.room.told.write(&self.gpu.queue);
             self.gpu.queue.submit([encoder.finish()]);
         }
     }
 
-    /// Runs a kernel of so many groups on buffers by their binding; nothing where there are no groups.
-    pub(crate) fn run(&mut self, kernel: &Kernel, bindings: &[(u32, &Buffer)], groups: u32) {
+    /// Runs a kernel of so many groups on what it is told, which has the first bindings, and on buffers by their binding; nothing where there are no
+    /// groups.
+    pub(crate) fn run(&mut self, kernel: &Kernel, told: &[&Told], bindings: &[(u32, &Buffer)], groups: u32) {
         if groups == 0 {
             return;
         }
         let y = groups.div_ceil(MOST_GROUPS);
-        self.run_over(kernel, bindings, [groups.div_ceil(y), y, 1]);
+        self.run_over(kernel, told, bindings, [groups.div_ceil(y), y, 1]);
     }
 
     /// Runs a kernel over a grid of groups.
-    pub(crate) fn run_over(&mut self, kernel: &Kernel, bindings: &[(u32, &Buffer)], groups: [u32; 3]) {
+    pub(crate) fn run_over(&mut self, kernel: &Kernel, told: &[&Told], bindings: &[(u32, &Buffer)], groups: [u32; 3]) {
         let device = &self.gpu.device;
-        let pipeline = self.room.pipelines.entry(kernel.name).or_insert_with(|| built(device, kernel)).clone();
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
+        let (pipeline, layout) =
+            self.room.pipelines.entry(kernel.name).or_insert_with(|| built(device, kernel)).clone();
+        let told = told.iter().zip(0..).map(|(told, binding)| wgpu::BindGroupEntry { binding, resource: told.bound() });
+        let buffers = bindings
             .iter()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
-            .collect();
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.name),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
+            layout: &layout,
+            entries: &told.chain(buffers).collect::<Vec<_>>(),
         });
-        let descriptor = wgpu::ComputePassDescriptor { label: Some(kernel.name), timestamp_writes: None };
-        let mut pass = self.encoder().begin_compute_pass(&descriptor);
+        let pass = self.pass(kernel.name);
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
+    }
+
+    /// The pass that the next dispatch is part of: one of its own where it is timed.
+    fn pass(&mut self, name: &'static str) -> &mut wgpu::ComputePass<'static> {
+        if self.clock.is_some() {
+            self.pass = None;
+        }
+        let device = &self.gpu.device;
+        let (clock, encoder) = (&mut self.clock, &mut self.encoder);
+        self.pass.get_or_insert_with(|| {
+            let encoder = encoder
+                .get_or_insert_with(|| device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
+            let timestamp_writes = clock.as_mut().and_then(|clock| clock.next(name));
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
+            encoder.begin_compute_pass(&descriptor).forget_lifetime()
+        })
     }
 
     /// `len` elements of a buffer from `first` on, once all work before is done.
@@ -216,12 +252,7 @@ impl Work<'_> {
         if all == 0 {
             return Ok(Vec::new());
         }
-        let copy = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: bytes(all),
-            usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let copy = self.read_back(bytes(all));
         for (number, (buffer, first)) in pieces.iter().enumerate() {
             self.encoder().copy_buffer_to_buffer(buffer, bytes(*first), &copy, bytes(number * len), bytes(len));
         }
@@ -231,10 +262,28 @@ impl Work<'_> {
         Ok(values)
     }
 
+    /// A buffer that can be read here: what is small is read so often that one is kept for it.
+    fn read_back(&mut self, size: u64) -> Buffer {
+        let device = &self.gpu.device;
+        let create = |size: u64| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("read back"),
+                size,
+                usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        if size > SMALL {
+            return create(size);
+        }
+        self.room.small.get_or_insert_with(|| create(SMALL)).clone()
+    }
+
     /// Waits for a buffer, and copies what it holds.
     fn map(&self, copy: &Buffer, to: &mut [u8]) -> Result<(), GpuError> {
         let (told, asked) = mpsc::channel();
-        copy.map_async(wgpu::MapMode::Read, .., move |result| {
+        let bytes = to.len() as u64;
+        copy.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
             // Nobody waits any more once the work has failed.
             let _ = told.send(result);
         });
@@ -244,26 +293,30 @@ impl Work<'_> {
         polled.map_err(|error| lost(error.to_string()))?;
         let mapped = asked.recv().map_err(|error| lost(error.to_string()))?;
         mapped.map_err(|error| lost(error.to_string()))?;
-        let view = copy.get_mapped_range(..).map_err(|error| lost(error.to_string()))?;
+        let view = copy.get_mapped_range(..bytes).map_err(|error| lost(error.to_string()))?;
         to.copy_from_slice(&view);
+        drop(view);
+        copy.unmap();
         Ok(())
     }
 }
 
-fn built(device: &wgpu::Device, kernel: &Kernel) -> ComputePipeline {
+fn built(device: &wgpu::Device, kernel: &Kernel) -> (ComputePipeline, BindGroupLayout) {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(kernel.name),
         source: wgpu::ShaderSource::Wgsl(kernel.text().into()),
     });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(kernel.name),
         layout: None,
         module: &module,
-        entry_point: Some(kernel.name),
+        entry_point: Some(kernel.entry),
         compilation_options: wgpu::PipelineCompilationOptions {
             zero_initialize_workgroup_memory: false,
             ..wgpu::PipelineCompilationOptions::default()
         },
         cache: None,
-    })
+    });
+    let layout = pipeline.get_bind_group_layout(0);
+    (pipeline, layout)
 }
