@@ -5,11 +5,14 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use lgs_engine::densify::{Change, change};
+use lgs_engine::densify::{Change, Limit, Scope, change};
+use lgs_engine::evidence::survivors;
+use lgs_engine::gaussians::GaussianSet;
 use lgs_engine::gaussians::background::Mode;
 use lgs_engine::gaussians::physical::to_physical;
-use lgs_engine::pipeline::{Opening, Run, Session, Silent, Watch};
-use lgs_engine::render::{longest_axes, render};
+use lgs_engine::pipeline::{Opening, Pruning, Run, Session, Silent, Watch};
+use lgs_engine::refine::{LastStep, RefineSettings, refine};
+use lgs_engine::render::{Device, longest_axes, render};
 use lgs_engine::views::{Selection, View};
 use lgs_formats::clip_dir::ClipDir;
 use lgs_tests::metrics::{self, number};
@@ -25,11 +28,51 @@ const SPLIT_COST: f64 = 0.15;
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("density::splitting_everything_costs_input_views_little", splitting),
+        case("density::pruning_asks_a_copy_a_step_ahead", a_step_ahead),
         case("density::exact_pruning_meets_its_limit_in_both_branches", limit),
         case("density::exact_pruning_of_half_is_better_than_chance", better_than_chance),
         case("density::exact_pruning_gives_the_same_bytes_for_any_number_of_threads", threads),
         case("density::a_front_has_the_figures_of_inference", front),
     ]
+}
+
+/// Who stays is told by the effects in a scene that was refined by one step; by those in the scene itself where none is to follow.
+fn a_step_ahead() -> Outcome {
+    let selection = Selection { frames: Some(vec![0, 1]), ..Selection::default() };
+    let mut watch = Watch::new(&Silent);
+    let session = Session::open(Arc::new(ClipDir::open(&clips::street())?), Opening::of(selection), &mut watch)?;
+    let scene = session.run(&Run::initial(Mode::Auto.into()), &mut watch)?.scene;
+    let views: Vec<&View> = session.inputs().views().iter().collect();
+    let model = Weights::seeded(SMALL, 7, Heads { residuals: 0.05, scores: 0.0 })?.model()?;
+    let limit = Some(Limit::Percent(70));
+    let told = |steps: usize, limit: Option<Limit>| -> Result<(Vec<usize>, usize), Failed> {
+        let pruning = Pruning { scope: Scope::All, limit, refine: steps.into() };
+        let mut parts = 0;
+        let rows = pruning.needed(&scene, [&views, &views], &model, &mut || parts += 1)?;
+        if parts != pruning.parts(&scene) {
+            return Err(format!("{parts} parts of {} were told", pruning.parts(&scene)).into());
+        }
+        Ok((rows, parts))
+    };
+    let of = |scene: &GaussianSet| survivors(scene, &views, (Scope::All, limit), Device::Cpu, &mut || ());
+    let mut ahead = scene.clone();
+    refine(&mut ahead, &views, &model, RefineSettings { last: LastStep::Kept, ..1.into() }, || ())?;
+    let (usual, beyond) = (of(&scene), of(&ahead));
+    let all: Vec<usize> = (0..scene.len()).collect();
+    if usual == beyond {
+        return Err("the step changes nobody's effects".into());
+    }
+    for (steps, limit, want) in [
+        (0, limit, (usual, 1)),
+        (1, limit, (beyond.clone(), 2)),
+        (3, limit, (beyond, 2)),
+        (3, Some(Limit::Percent(100)), (all, 0)),
+    ] {
+        if told(steps, limit)? != want {
+            return Err(format!("{steps} steps, {limit:?}: others stay").into());
+        }
+    }
+    Ok(())
 }
 
 /// Every Gaussian of both branches gives way to its halves.

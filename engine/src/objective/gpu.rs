@@ -11,7 +11,7 @@ use crate::render::gpu::{Gpu, GpuError, MAPPED, Row, SceneBuffers, Work};
 use crate::views::View;
 
 /// Bytes of a Gaussian, of one more set of rows, and of a pixel of the largest view: what does not depend on who touches which tile.
-const BYTES_OF_SPLAT: u64 = 304;
+const BYTES_OF_SPLAT: u64 = 300;
 const BYTES_OF_ROW: u64 = 80;
 const BYTES_OF_PIXEL: u64 = 108;
 /// Gaussians that a thread fills in at once.

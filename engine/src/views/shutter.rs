@@ -10,6 +10,8 @@ use super::PinholeView;
 const BEYOND: f64 = 0.5;
 /// Lines that a point moves over while the shutter goes over one, at most: what is faster is beside the camera and out of its image.
 pub(crate) const FASTEST: f64 = 0.5;
+/// Half an angle up to which five terms of a sine and a cosine are exact in f64, radians: the sixth is below 1e-17.
+const SMALL_TURN: f64 = 0.1;
 
 /// The rolling shutter of a view, and how its camera moves meanwhile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,16 +75,17 @@ impl Shutter {
     /// With `m(x)` the moment of image position x, `x_0` and `r` the point's at the view's time and its rate there: the solution
     /// `m(x_0) / (1 - grad m r)` of `s = m(x_0 + r s)`, a Newton step. Around it, places are drawn apart by `I + r grad m^T / (1 - grad m r)`.
     pub(crate) fn taken(&self, view: &Lens, point: DVec3, weight: f64, velocity: DVec3) -> Taken {
-        let slope = DVec2::new(point.x, point.y) / point.z;
+        let nearness = 1.0 / point.z;
+        let slope = DVec2::new(point.x, point.y) * nearness;
         let moves = weight * (velocity - self.drift) - self.turn.cross(point);
-        let rate = view.focal * (DVec2::new(moves.x, moves.y) - slope * moves.z) / point.z;
-        let swift = rate.length() * self.by_pixel.length();
-        let rate = if swift > FASTEST { rate * (FASTEST / swift) } else { rate };
-        let lines = self.by_pixel.dot(rate);
+        let rate = view.focal * (DVec2::new(moves.x, moves.y) - slope * moves.z) * nearness;
+        let swift = rate.length_squared() * self.by_pixel.length_squared();
+        let rate = if swift > FASTEST * FASTEST { rate * (FASTEST / swift.sqrt()) } else { rate };
         let start = self.limited(self.first + self.by_pixel.dot(view.focal * slope + view.centre));
-        let r = rate / (1.0 - lines);
+        let newton = 1.0 / (1.0 - self.by_pixel.dot(rate));
+        let r = rate * newton;
         Taken {
-            seconds: self.limited(start / (1.0 - lines)),
+            seconds: self.limited(start * newton),
             bend: DMat2::IDENTITY + DMat2::from_cols(r * self.by_pixel.x, r * self.by_pixel.y),
         }
     }
@@ -97,7 +100,7 @@ impl Shutter {
 
     /// The camera `seconds` after the view's time: what turns its axes at the view's time, and what is added to translations before that.
     pub(crate) fn carried(&self, seconds: f64) -> (DMat3, DVec3) {
-        (DMat3::from_quat(DQuat::from_scaled_axis(-self.turn * seconds)), -self.drift * seconds)
+        (DMat3::from_quat(turned(-self.turn * seconds)), -self.drift * seconds)
     }
 
     /// The shutter of a part of the image whose upper left corner is at a place of it, pixels.
@@ -123,6 +126,18 @@ impl Shutter {
     pub(super) fn reduced(&self, factor: f32) -> Self {
         Self { by_pixel: self.by_pixel * f64::from(factor), ..*self }
     }
+}
+
+/// The rotation by a rotation vector, radians. Within a readout it is small, and the series of sine and cosine are exact.
+fn turned(by: DVec3) -> DQuat {
+    let half = 0.5 * by;
+    let square = half.length_squared();
+    if square > SMALL_TURN * SMALL_TURN {
+        return DQuat::from_scaled_axis(by);
+    }
+    let axis = half * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))));
+    let cosine = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)));
+    DQuat::from_xyzw(axis.x, axis.y, axis.z, cosine)
 }
 
 /// Focal lengths and principal point, pixels.
@@ -187,6 +202,15 @@ mod tests {
         let motion = CameraMotion { turn: DVec3::new(0.0, 0.3, 0.1), velocity: DVec3::new(1.0, 0.0, 15.0) };
         let shutter = Shutter::new([-0.5 * READOUT, 0.0, READOUT], [80, 60], &motion, &Pose::IDENTITY);
         PinholeView { shutter: Some(shutter), ..ahead(80, 60, 70.0) }
+    }
+
+    #[test]
+    fn small_turns_are_turns() {
+        for length in [0.0, 1e-200, 1e-9, 0.01, 0.1999, 0.2001, 3.0] {
+            let by = length * DVec3::new(0.6, -0.48, 0.64);
+            let (got, want) = (turned(by), DQuat::from_scaled_axis(by));
+            assert!((got - want).length() < 4e-16, "{length}: {got:?} {want:?}");
+        }
     }
 
     #[test]

@@ -91,17 +91,18 @@ fn equals_the_twin() -> Outcome {
     Ok(())
 }
 
-/// At sizes at which 128 threads share a tile on the way back, and 64.
+/// At sizes at which 128 threads share a tile on the way back, and 64; pixels near a threshold have no weight.
 fn images_of_any_size_are_the_cpus() -> Outcome {
     for (seed, width, height) in [(181, 1040, 520), (182, 2080, 1040)] {
-        let scene = random_scene(Look { num: 300, width, height, opacities: [0.05, 0.9] }, seed);
+        let scene = random_scene(Look { num: 100, width, height, opacities: [0.05, 0.9] }, seed);
+        let skip = fragile_pixels(&scene.gaussians, &scene.camera, 1e-3);
         let (splats, view) = (splats(&scene.gaussians), pinhole(&scene.camera));
-        let gradient = image_gradient(&random_weights(&scene.camera, &vec![false; width * height], 53));
+        let gradient = image_gradient(&random_weights(&scene.camera, &skip, 53));
         let found = drawn(&splats, &view, &gradient)?;
         let state = render_for_gradient(&splats, &view, SINGLE_BACKGROUND);
-        let want = backward(&splats, &view, &state, &gradient);
-        super::near(&format!("{width}x{height}: rgb"), &found.images.rgb, &state.images.rgb, 1e-4)?;
-        let (got, want) = (flat(&found.splats), flat(&want));
+        let want = flat(&backward(&splats, &view, &state, &gradient));
+        super::near(&format!("{width}x{height}: rgb"), &found.images.rgb, &state.images.rgb, IMAGE)?;
+        let got = flat(&found.splats);
         for (part, range) in GRADIENT_PARTS {
             let column = |all: &[f64]| -> Vec<f64> { all.chunks(17).flat_map(|g| g[range.clone()].to_vec()).collect() };
             let what = format!("{width}x{height}: gradient by {part}");
