@@ -18,6 +18,7 @@ pub struct Kept<'v> {
     #[cfg(feature = "gpu")]
     drawn: Vec<Owned>,
     /// Whether drawn images stay where they were drawn.
+    #[cfg(feature = "gpu")]
     keeps_drawn: bool,
     views: PhantomData<&'v View>,
 }
@@ -25,7 +26,11 @@ pub struct Kept<'v> {
 impl Kept<'_> {
     /// With the images that are drawn, where they are wanted and there is room for them: they are then not read.
     pub(crate) fn with_drawn() -> Self {
-        Self { keeps_drawn: true, ..Self::default() }
+        Self {
+            #[cfg(feature = "gpu")]
+            keeps_drawn: true,
+            ..Self::default()
+        }
     }
 }
 

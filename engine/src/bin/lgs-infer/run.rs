@@ -122,7 +122,8 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
         views: records,
     };
     let json = serde_json::to_string_pretty(&metrics).context("metrics.json: encode")? + "\n";
-    let report = report(&metrics, &pictures, session.clip());
+    let notes = notes(&metrics, inputs.colours());
+    let report = report(&metrics, &pictures, session.clip(), &notes);
     let stops = || inputs.views().iter().map(|view| stop(view, shown)).collect::<Vec<_>>();
     let viewer = args.viewer.then(|| viewer::html(&scene, &stops(), &session.clip().name));
     let viewer = viewer.as_deref();
@@ -132,7 +133,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     }
     Output { scene: &scene, views: &pictures, report: &report, viewer, exports, metrics: &json }.write(&out)?;
     let text = if args.json { json } else { summary(&metrics, start.elapsed().as_secs_f64(), &out, film.as_ref()) };
-    Ok(Outcome { text, notes: notes(&metrics, inputs.colours()), has_findings: false })
+    Ok(Outcome { text, notes, has_findings: false })
 }
 
 /// What of the clip's files the run reads.
@@ -276,10 +277,11 @@ impl PerceptualDistance {
     }
 }
 
-fn report(metrics: &Metrics, pictures: &[ViewPictures], clip: &Clip) -> String {
+fn report(metrics: &Metrics, pictures: &[ViewPictures], clip: &Clip, notes: &[String]) -> String {
     let views: Vec<PageView> = pictures.iter().map(|pictures| pictures.page.clone()).collect();
     let command: Vec<String> = std::env::args_os().map(|word| quoted(&word.to_string_lossy())).collect();
-    html(&Page { metrics, views: &views, source: &clip.source, licence: &clip.licence, command: &command.join(" ") })
+    let (source, licence, command) = (&clip.source, &clip.licence, command.join(" "));
+    html(&Page { metrics, views: &views, source, licence, command: &command, notes })
 }
 
 /// The word as a shell takes it.

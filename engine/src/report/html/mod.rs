@@ -30,6 +30,8 @@ pub struct Page<'a> {
     pub licence: &'a str,
     /// The command that made the run.
     pub command: &'a str,
+    /// What the run found in the clip, each as `what: words`.
+    pub notes: &'a [String],
 }
 
 /// The pictures of a view.
@@ -57,6 +59,11 @@ pub fn html(page: &Page<'_>) -> String {
         body += &folded("Input views", INPUT_NOTE, &input);
     }
     body += &section("Figures", figures_note(metrics), &figure_table(metrics));
+    body += &section(
+        "Found in the clip",
+        "What differs from what the clip states, and what was made use of.",
+        &found(page.notes),
+    );
     body += &section("Time", "", &stage_bars(metrics));
     body += &section("Scene and settings", "", &settings(page));
     document(&title, STYLE, &body, "")
@@ -104,6 +111,18 @@ fn cards(metrics: &Metrics) -> String {
         format!("<div><span>{label}</span><strong>{value}</strong><small>{note}</small></div>\n")
     };
     format!("<div class=\"cards\">\n{}</div>\n", cards.iter().map(cell).collect::<String>())
+}
+
+/// A list of what was found, what it is about first.
+fn found(notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    let item = |note: &String| match note.split_once(": ") {
+        Some((about, words)) => format!("<li><b>{}</b>: {}</li>\n", escape(about), escape(words)),
+        None => format!("<li>{}</li>\n", escape(note)),
+    };
+    format!("<ul class=\"found\">\n{}</ul>\n", notes.iter().map(item).collect::<String>())
 }
 
 /// What the figures alone do not say.

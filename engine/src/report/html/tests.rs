@@ -65,7 +65,16 @@ fn page(metrics: &Metrics) -> String {
     let kinds = [PictureKind::Truth, PictureKind::Render];
     let pictures = PageView { size: [100, 60], pictures: kinds.map(|kind| (kind, vec![1, 2, 3])).to_vec() };
     let views = vec![pictures; metrics.views.len()];
-    html(&Page { metrics, views: &views, source: "a 'lab'", licence: "<CC>", command: "lgs-infer '<clip>'" })
+    let notes = ["calibration: <front>: turned".to_owned()];
+    let page = Page {
+        metrics,
+        views: &views,
+        source: "a 'lab'",
+        licence: "<CC>",
+        command: "lgs-infer '<clip>'",
+        notes: &notes,
+    };
+    html(&page)
 }
 
 #[test]
@@ -78,6 +87,7 @@ fn names_from_the_clip_stay_text_and_nothing_is_loaded_from_elsewhere() {
         assert!(!page.contains(outside), "{outside}");
     }
     assert_eq!(page.matches("<title>").count(), 1);
+    assert!(page.contains("<li><b>calibration</b>: &lt;front&gt;: turned</li>"));
     assert!(
         page.contains("&lt;front&gt; &amp; &quot;rear&quot;") && page.contains("src=\"data:image/jpeg;base64,AQID\"")
     );
