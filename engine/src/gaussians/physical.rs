@@ -95,7 +95,7 @@ pub(crate) fn splat_of(set: &GaussianSet, i: usize) -> Splat {
 pub fn to_raw_gradient(set: &GaussianSet, physical: &[SplatGradient]) -> (Vec<[f32; NUM_ATTRIBUTES]>, Vec<[f32; 3]>) {
     let rows = physical.par_iter().enumerate().with_min_len(4096);
     let attributes = rows.map(|(i, g)| raw_gradient_of(set, i, g)).collect();
-    (attributes, physical.iter().map(|g| g.velocity).collect())
+    (attributes, physical.par_iter().with_min_len(4096).map(|g| g.velocity).collect())
 }
 
 fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_ATTRIBUTES] {

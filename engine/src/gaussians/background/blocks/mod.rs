@@ -1,9 +1,12 @@
 //! Pixels that show nearly the same, together: the uncovered pixels of a view as rectangles of one colour and one plane each.
 
+mod search;
+
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use self::search::Search;
 use super::{Sheet, is_ignored};
 use crate::{
     gaussians::{Coarseness, disc::Plane},
@@ -101,33 +104,14 @@ pub(super) fn blocks(
     let mut left = vec![false; view.pinhole.num_pixels()];
     let cells = left[inside.clone()].par_iter_mut().zip(inside.clone()).with_min_len(GRAIN);
     cells.for_each(|(left, pixel)| *left = known(pixel));
-    let mut left_in_row = vec![0; height];
-    let rows = left_in_row.par_iter_mut().zip(left.par_chunks(width.max(1)));
+    let mut counts = vec![0; height];
+    let rows = counts.par_iter_mut().zip(left.par_chunks(width.max(1)));
     rows.for_each(|(count, row)| *count = row.iter().filter(|&&left| left).count());
-    let mut found = Vec::new();
-    for size in SHAPES {
-        let [columns, rows] = size;
-        if columns.max(rows) as f32 > coarseness.most(LONGEST) || columns > width || rows > height {
-            continue;
-        }
-        // Steps of half a side: finer ones find hardly more.
-        for row in (0..=height - rows).step_by((rows / 2).max(1)) {
-            let mut column = 0;
-            while column <= width - columns && left_in_row[row] >= columns {
-                let block = Block::new([column, row], size);
-                let free = block.pixels(width).all(|pixel| left[pixel]);
-                column += match free.then(|| fitted(view, sheet, block, coarseness)).flatten() {
-                    Some(block) => {
-                        block.pixels(width).for_each(|pixel| left[pixel] = false);
-                        left_in_row[row..row + rows].iter_mut().for_each(|count| *count -= columns);
-                        found.push(block);
-                        columns
-                    }
-                    None => (columns / 2).max(1),
-                };
-            }
-        }
-    }
+    let fits = |&[columns, rows]: &[usize; 2]| {
+        columns.max(rows) as f32 <= coarseness.most(LONGEST) && columns <= width && rows <= height
+    };
+    let shapes: Vec<[usize; 2]> = SHAPES.into_iter().filter(fits).collect();
+    let mut found = Search { view, sheet, coarseness, shapes }.found(&mut left, &mut counts);
     let alone = |pixel: usize| {
         let plane = Plane { at: sheet.inverse_depths[pixel], by_column: 0.0, by_row: 0.0 };
         Block { plane, ..Block::new([pixel % width, pixel / width], [1, 1]) }
