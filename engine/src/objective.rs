@@ -7,11 +7,12 @@ use std::time::Instant;
 
 use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
+use rayon::prelude::*;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
 use crate::loss::{Kept, LossTerms, LossWeights, image_loss, residual_image, velocity_loss};
-use crate::render::{Device, RenderedWithState, backward_visible, backward_with_sums, render_for_gradient};
+use crate::render::{Device, Places, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::View;
 
 /// Colour behind all Gaussians.
@@ -19,6 +20,8 @@ pub(crate) const BEHIND: [f32; 3] = [0.0; 3];
 
 /// A blending weight below which a Gaussian counts less, pixels.
 const FAINT: f64 = 0.05;
+/// Gaussians or pixels that a thread takes at once.
+const GRAIN: usize = 4096;
 
 /// Seconds that an objective took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,9 +113,9 @@ pub(crate) fn objective_keeping<'v>(
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
     let (speed, by_velocity) = velocity_loss(&set.velocities[..set.num_lidar], weights.velocity);
-    for (v, g) in gradient.velocities.iter_mut().zip(&by_velocity) {
+    gradient.velocities.par_iter_mut().zip(&by_velocity).with_min_len(GRAIN).for_each(|(v, g)| {
         v.iter_mut().zip(g).for_each(|(v, g)| *v += g);
-    }
+    });
     loss += speed;
     if weights.velocity > 0.0 {
         terms.speed = speed / f64::from(weights.velocity);
@@ -184,18 +187,19 @@ fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wante
         let residual = wanted.mean_residuals.then(|| residual_image(&state.images, view));
         loss_s += before_loss.elapsed().as_secs_f64();
         terms.push(of_view);
-        state.visible().for_each(|i| seen[i] = true);
+        let places = state.places(splats.len());
+        places.each(&mut seen, |seen, _| *seen = true);
         if wanted.gradient {
-            gradients.add(&state, &backward_visible(splats, &view.pinhole, &state, &by_image), share);
+            gradients.add(&places, &backward_visible(splats, &view.pinhole, &state, &by_image), share);
         }
         if let Some(residual) = residual {
             let maps = [counted_pixels(view), absolute(&residual.rgb)];
             let (by_splat, sums) = backward_with_sums(splats, &view.pinhole, &state, &residual, [&maps[0], &maps[1]]);
-            residuals.add(&state, &by_splat, 1.0);
-            for (i, [weight, error]) in state.visible().zip(sums) {
-                blended[i][0] += weight;
-                blended[i][1] += error;
-            }
+            residuals.add(&places, &by_splat, 1.0);
+            places.each(&mut blended, |[weight, error], place| {
+                *weight += sums[place][0];
+                *error += sums[place][1];
+            });
         }
         if wanted.images {
             images.push(state.images.rgb);
@@ -207,26 +211,27 @@ fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wante
 
 /// Sums over pixels, and those of the weight and of the absolute error, as means under every Gaussian.
 fn over_weights(mut gradient: RawGradient, blended: &[[f64; 2]]) -> MeanResiduals {
-    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities).zip(blended);
-    rows.for_each(|((attributes, velocity), [weight, _])| {
+    let rows = gradient.attributes.par_iter_mut().zip(&mut gradient.velocities).zip(blended);
+    rows.with_min_len(GRAIN).for_each(|((attributes, velocity), [weight, _])| {
         let share = to_f32(1.0 / (weight + FAINT));
         attributes.iter_mut().chain(velocity).for_each(|value| *value *= share);
     });
-    let weights = blended.iter().map(|[weight, _]| to_f32(*weight)).collect();
-    let errors = blended.iter().map(|[weight, error]| to_f32(error / (weight + FAINT))).collect();
+    let each = || blended.par_iter().with_min_len(GRAIN);
+    let weights = each().map(|[weight, _]| to_f32(*weight)).collect();
+    let errors = each().map(|[weight, error]| to_f32(error / (weight + FAINT))).collect();
     MeanResiduals { gradient, weights, errors }
 }
 
 /// `[H, W]` mean magnitude of the three values of every pixel.
 fn absolute(rgb: &[f32]) -> Vec<f32> {
-    rgb.as_chunks::<3>().0.iter().map(|[r, g, b]| (r.abs() + g.abs() + b.abs()) / 3.0).collect()
+    rgb.as_chunks::<3>().0.par_iter().with_min_len(GRAIN).map(|[r, g, b]| (r.abs() + g.abs() + b.abs()) / 3.0).collect()
 }
 
 /// `[H, W]` 1 where a pixel takes part, 0 where it is ignored.
 pub(crate) fn counted_pixels(view: &View) -> Vec<f32> {
     let labels = view.labels.as_deref().unwrap_or_default();
     let counts = |&label: &PixelLabel| if label == PixelLabel::Ignored { 0.0 } else { 1.0 };
-    let mut counted: Vec<f32> = labels.iter().map(counts).collect();
+    let mut counted: Vec<f32> = labels.par_iter().with_min_len(GRAIN).map(counts).collect();
     counted.resize(view.pinhole.width * view.pinhole.height, 1.0);
     counted
 }
@@ -237,12 +242,12 @@ struct Sums(Vec<SplatGradient>);
 
 impl Sums {
     fn new(len: usize) -> Self {
-        Self(vec![SplatGradient::default(); len])
+        Self((0..len).into_par_iter().with_min_len(GRAIN).map(|_| SplatGradient::default()).collect())
     }
 
     /// Adds `factor` times the gradients of what a view shows.
-    fn add(&mut self, state: &RenderedWithState, of_visible: &[SplatGradient], factor: f32) {
-        state.visible().zip(of_visible).for_each(|(i, gradient)| self.0[i].add_scaled(gradient, factor));
+    fn add(&mut self, places: &Places, of_visible: &[SplatGradient], factor: f32) {
+        places.each(&mut self.0, |sum, place| sum.add_scaled(&of_visible[place], factor));
     }
 
     /// By the raw parameters; the background's velocities have none.

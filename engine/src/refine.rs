@@ -8,6 +8,7 @@ mod view_schedule;
 use std::{borrow::Cow, time::Instant};
 
 use candle_core::Tensor;
+use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::gaussians::{Branch, GaussianSet, RawGradient};
@@ -301,7 +302,7 @@ impl StepInputs<'_> {
 
 /// Sets the gradient of every Gaussian that has a value that is not finite to zero, and counts them.
 pub fn zero_non_finite(gradient: &mut RawGradient) -> usize {
-    let rows = gradient.attributes.iter_mut().zip(&mut gradient.velocities);
+    let rows = gradient.attributes.par_iter_mut().zip(&mut gradient.velocities).with_min_len(4096);
     let spoiled = rows.filter(|(a, v)| !a.iter().chain(v.iter()).all(|x| x.is_finite()));
     spoiled.map(|(a, v)| (a.fill(0.0), v.fill(0.0))).count()
 }

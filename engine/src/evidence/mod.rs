@@ -6,6 +6,8 @@ mod rounds;
 #[cfg(test)]
 pub(crate) mod samples;
 
+use rayon::prelude::*;
+
 use crate::gaussians::GaussianSet;
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::loss::{LossWeights, pixel_costs};
@@ -68,21 +70,25 @@ impl Evidence {
 
     /// What the views show of the halves along the axes, or without axes, of no halves, where squared errors count so much more than absolute ones.
     fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], (weights, by_square): (&LossWeights, f32)) -> Self {
-        let mut all = vec![Effect::default(); splats.len()];
+        let defaults = (0..splats.len()).into_par_iter().with_min_len(4096).map(|_| Effect::default());
+        let mut all: Vec<Effect> = defaults.collect();
         let (mut loss, mut squares, mut pixels) = (0.0, 0.0, 0.0);
         for view in views {
             let state = Projection::new(splats, &view.pinhole).render_through(&view.pinhole, BEHIND);
             let costs = pixel_costs(&state.images, view, weights);
             let costs = PixelCosts { per_square: by_square * costs.per_colour, ..costs };
-            loss += costs.loss;
-            squares += costs.residual.iter().map(|&r| f64::from(r).powi(2)).sum::<f64>();
-            pixels += costs.counted.iter().map(|&counted| f64::from(counted)).sum::<f64>();
             let halving = (!axes.is_empty()).then(|| halving(splats, &axes, &view.pinhole, &state));
-            let of_view = effects(&state, &costs, halving.as_deref());
-            state.visible().zip(of_view).for_each(|(i, effect)| all[i].add(&effect));
+            // The sums are of a fixed order, and so of one thread, beside all else.
+            let sums = || {
+                let squares = costs.residual.iter().map(|&r| f64::from(r).powi(2)).sum::<f64>();
+                (squares, costs.counted.iter().map(|&counted| f64::from(counted)).sum::<f64>())
+            };
+            let (of_view, of_pixels) = rayon::join(|| effects(&state, &costs, halving.as_deref()), sums);
+            (loss, squares, pixels) = (loss + costs.loss, squares + of_pixels.0, pixels + of_pixels.1);
+            state.places(splats.len()).each(&mut all, |sum, place| sum.add(&of_view[place]));
         }
         let share = 1.0 / views.len().max(1) as f64;
-        all.iter_mut().for_each(|effect| effect.removal *= share);
+        all.par_iter_mut().with_min_len(4096).for_each(|effect| effect.removal *= share);
         let squared_error = if pixels > 0.0 { squares / pixels } else { 0.0 };
         Self { effects: all, axes, loss: loss * share, squared_error }
     }
@@ -96,7 +102,7 @@ impl Evidence {
         let shown = sum(|effect| effect.shown);
         let mean = if shown > 0.0 { sum(|effect| effect.removal.max(0.0)) / shown } else { 0.0 };
         let cost = |effect: &Effect| effect.removal + UNHIDDEN * mean * (effect.covered - effect.shown);
-        self.effects.iter().map(cost).collect()
+        self.effects.par_iter().with_min_len(4096).map(cost).collect()
     }
 
     /// `[N]` by how much the squared errors fall when the colours of the halves of each are fitted to them, beyond what a fit of its own colour

@@ -3,6 +3,8 @@
 //! Each effect is that of one Gaussian if all others stay. Of two of which either alone could go, both look worthless: what goes in one round is
 //! therefore little, and what is left is looked at again.
 
+use rayon::prelude::*;
+
 use super::Evidence;
 use crate::densify::{Limit, Scope, UpdateCounts};
 use crate::gaussians::GaussianSet;
@@ -64,7 +66,7 @@ pub fn survivors(
         if most > 0 {
             let costs = Evidence::removal_costs(device, &left, views, &LossWeights::default());
             let mut order: Vec<usize> = (0..now).filter(|&i| target.is_some() || costs[i] < 0.0).collect();
-            order.sort_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
+            order.par_sort_unstable_by(|&a, &b| costs[a].total_cmp(&costs[b]).then(a.cmp(&b)));
             let mut stays = vec![true; left.len()];
             order.iter().take(most).for_each(|&i| stays[i] = false);
             kept = kept.into_iter().zip(stays).filter_map(|(i, stays)| stays.then_some(i)).collect();

@@ -1,5 +1,7 @@
 //! Returns denser than the pixels of their images, together.
 
+use rayon::prelude::*;
+
 use super::{
     Coarseness, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES,
     disc::{Plane, put, sigmas},
@@ -23,6 +25,8 @@ const SIGMA_SHARE: f32 = 0.4;
 const OPACITY: f32 = 0.7;
 /// What keeps a slope that few returns tell from being anything, square pixels.
 const RIDGE: f32 = 0.1;
+/// Gaussians that a thread looks for at once.
+const GRAIN: usize = 1024;
 
 /// A return in an image.
 #[derive(Clone, Copy, Debug)]
@@ -130,8 +134,8 @@ fn seen_in(set: &GaussianSet, view: &View, finer: &[&View], fate: &[Fate]) -> Ve
         let colour = [0, 1, 2].map(|k| sigmoid(row[LOGIT_COLOUR.start + k]));
         Some(Seen { index, at, pixel: at.pixel(view.pinhole.width), colour })
     };
-    let mut all: Vec<Seen> = (0..set.len()).filter_map(seen).collect();
-    all.sort_by_key(|seen| (seen.pixel, seen.index));
+    let mut all: Vec<Seen> = (0..set.len()).into_par_iter().with_min_len(GRAIN).filter_map(seen).collect();
+    all.par_sort_unstable_by_key(|seen| (seen.pixel, seen.index));
     all
 }
 

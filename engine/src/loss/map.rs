@@ -4,9 +4,10 @@ use std::borrow::Cow;
 
 use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
+use rayon::prelude::*;
 
 use super::ssim::{ImagePair, SimilarityMap, similarity_map};
-use super::{LossWeights, depth_errors, fill_ignored};
+use super::{GRAIN, LossWeights, depth_errors, fill_ignored, has_ignored};
 use crate::render::{Patch, Rendered, crop};
 use crate::views::View;
 
@@ -46,9 +47,10 @@ impl LossCounts {
             let (x, y) = (pixel % width, pixel / width);
             x >= REACH && x + REACH < width && y >= REACH && y + REACH < height
         };
+        let pixels = || (0..width * height).into_par_iter().with_min_len(GRAIN);
         Self {
-            pixels: (0..width * height).filter(kept).count(),
-            centres: (0..width * height).filter(kept).filter(inside).count(),
+            pixels: pixels().filter(kept).count(),
+            centres: pixels().filter(kept).filter(inside).count(),
             samples: view.depth_samples.iter().filter(|s| kept(&(s.pixel as usize))).count(),
         }
     }
@@ -135,7 +137,7 @@ fn dissimilarity(map: &SimilarityMap, view: &View) -> f64 {
 
 /// The colours with the truth in place of the ignored ones.
 fn visible_colours<'a>(rgb: &'a [f32], view: &View) -> Cow<'a, [f32]> {
-    match view.labels.as_deref().filter(|labels| labels.contains(&PixelLabel::Ignored)) {
+    match view.labels.as_deref().filter(|labels| has_ignored(labels)) {
         None => Cow::Borrowed(rgb),
         Some(labels) => {
             let mut filled = Vec::new();

@@ -19,6 +19,7 @@ mod velocity;
 use std::cell::RefCell;
 
 use lgs_formats::image::PixelLabel;
+use rayon::prelude::*;
 
 use crate::{
     render::{ImageGradient, Rendered},
@@ -30,6 +31,9 @@ pub use kept::Kept;
 pub use map::{LossCounts, LossMap, loss_map, patch_change};
 pub use residual::residual_image;
 use ssim::ImagePair;
+
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 1 << 14;
 pub use velocity::velocity_loss;
 
 /// Weights of the terms.
@@ -80,7 +84,7 @@ pub struct LossTerms {
 /// Exact; the truth and the LiDAR are constants. A rendered value that is not finite makes the terms that see it, and
 /// `total`, not finite: callers that go on with the gradient look at `total` first.
 pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (LossTerms, ImageGradient) {
-    let labels = view.labels.as_deref().filter(|labels| labels.contains(&PixelLabel::Ignored));
+    let labels = view.labels.as_deref().filter(|labels| has_ignored(labels));
     let mut filled = FILLED.with(RefCell::take);
     let colours: &[f32] = match labels {
         Some(labels) => {
@@ -92,7 +96,7 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     let (width, height) = (rendered.width, rendered.height);
     let pair = ImagePair { truth: &view.image.data, rendered: colours, width, height };
     let mut rgb = vec![0.0; colours.len()];
-    let num_ignored = labels.map_or(0, |l| l.iter().filter(|&&label| label == PixelLabel::Ignored).count());
+    let num_ignored = labels.map_or(0, |labels| pixels(labels).filter(|&&label| label == PixelLabel::Ignored).count());
     let num_values = colours.len() - 3 * num_ignored;
     let l1 = l1::l1(colours, pair.truth, num_values, weights.l1, &mut rgb);
     let psnr = match weights.psnr {
@@ -101,7 +105,11 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     };
     let ssim = ssim::add_ssim_gradient(&pair, labels, -weights.ssim, &mut rgb);
     if let Some(labels) = labels {
-        let ignored = rgb.chunks_exact_mut(3).zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);
+        let ignored = rgb
+            .par_chunks_exact_mut(3)
+            .zip(labels)
+            .with_min_len(GRAIN)
+            .filter(|(_, label)| **label == PixelLabel::Ignored);
         ignored.for_each(|(gradient, _)| gradient.fill(0.0));
     }
     let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
@@ -123,13 +131,25 @@ thread_local! {
 /// # Shapes
 /// `rendered`, `truth` and `filled` `[H, W, 3]`, `labels` `[H, W]`.
 pub(crate) fn fill_ignored(rendered: &[f32], truth: &[f32], labels: &[PixelLabel], filled: &mut Vec<f32>) {
-    filled.clear();
-    filled.extend_from_slice(rendered);
-    for ((colour, true_colour), label) in filled.chunks_exact_mut(3).zip(truth.chunks_exact(3)).zip(labels) {
+    filled.resize(rendered.len(), 0.0);
+    let of_rendered = filled.par_chunks_mut(GRAIN).zip(rendered.par_chunks(GRAIN));
+    of_rendered.for_each(|(filled, rendered)| filled.copy_from_slice(rendered));
+    let colours = filled.par_chunks_exact_mut(3).zip(truth.par_chunks_exact(3)).zip(labels).with_min_len(GRAIN);
+    colours.for_each(|((colour, true_colour), label)| {
         if *label == PixelLabel::Ignored {
             colour.copy_from_slice(true_colour);
         }
-    }
+    });
+}
+
+/// The labels of the pixels, in parallel.
+fn pixels(labels: &[PixelLabel]) -> impl ParallelIterator<Item = &PixelLabel> {
+    labels.par_iter().with_min_len(GRAIN)
+}
+
+/// Whether any pixel takes no part.
+fn has_ignored(labels: &[PixelLabel]) -> bool {
+    pixels(labels).any(|&label| label == PixelLabel::Ignored)
 }
 
 #[cfg(test)]

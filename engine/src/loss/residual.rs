@@ -1,8 +1,9 @@
 //! What a refinement that is guided by residuals takes back from an image to the Gaussians.
 
 use lgs_formats::image::PixelLabel;
+use rayon::prelude::*;
 
-use super::depth_errors;
+use super::{GRAIN, depth_errors};
 use crate::render::{ImageGradient, Rendered};
 use crate::views::View;
 
@@ -18,10 +19,15 @@ pub(super) const DEPTH: f32 = 0.003;
 /// # Formula
 /// `rendered - truth`; `0.003 sign(expected depth - LiDAR)`.
 pub fn residual_image(rendered: &Rendered, view: &View) -> ImageGradient {
-    let mut rgb: Vec<f32> = rendered.rgb.iter().zip(&view.image.data).map(|(r, t)| r - t).collect();
+    let mut rgb: Vec<f32> =
+        rendered.rgb.par_iter().zip(&view.image.data).with_min_len(GRAIN).map(|(r, t)| r - t).collect();
     let labels = view.labels.as_deref();
     if let Some(labels) = labels {
-        let ignored = rgb.chunks_exact_mut(3).zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);
+        let ignored = rgb
+            .par_chunks_exact_mut(3)
+            .zip(labels)
+            .with_min_len(GRAIN)
+            .filter(|(_, label)| **label == PixelLabel::Ignored);
         ignored.for_each(|(residual, _)| residual.fill(0.0));
     }
     let mut expected_depth = vec![0.0; rendered.depth.len()];

@@ -1,6 +1,7 @@
 //! Sweeps of several frames as one cloud in the clip frame.
 
 use lgs_formats::clip_dir::ClipDir;
+use rayon::prelude::*;
 
 use super::PointCloud;
 use crate::{
@@ -17,12 +18,16 @@ const MOST_RETURNS: usize = 1 << 30;
 /// Those of [`ClipDir::load_sweep`]; [`EngineError::Setting`] for a frame that the clip does not have, and for too many returns.
 pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
-    for &index in input_frames {
-        let Some((record, label)) = dir.clip().frames.get(index).zip(u32::try_from(index).ok()) else {
+    let frames = dir.clip().frames.len();
+    let load = |&index: &usize| (index < frames).then(|| dir.load_sweep(index));
+    let sweeps: Vec<_> = input_frames.par_iter().map(load).collect();
+    for (&index, sweep) in input_frames.iter().zip(sweeps) {
+        let Some(((record, label), sweep)) = dir.clip().frames.get(index).zip(u32::try_from(index).ok()).zip(sweep)
+        else {
             let expected = format!("frame indices below {}", dir.clip().frames.len());
             return Err(EngineError::Setting { setting: "frames", expected, found: index.to_string() });
         };
-        let (lidar, sweep) = (&record.lidar, dir.load_sweep(index)?);
+        let (lidar, sweep) = (&record.lidar, sweep?);
         let found = cloud.len() + sweep.points.len();
         if found > MOST_RETURNS {
             let expected = format!("frames of at most {MOST_RETURNS} returns");

@@ -8,6 +8,8 @@ use crate::views::{DepthSample, PinholeView, Projected, Role, View};
 
 /// Waits that differ by less than this are the same, seconds: clocks that count from an epoch are rounded.
 const SAME_WAIT: f32 = 1e-4;
+/// Points that a thread takes at once.
+const GRAIN: usize = 512;
 
 /// The colour (0..=1) of every point; `None` for one that no input view sees.
 ///
@@ -22,13 +24,15 @@ pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec
     let inputs: Vec<(&View, DepthGrid)> = views
         .iter()
         .filter(|view| view.role == Role::Input)
+        .collect::<Vec<_>>()
+        .into_par_iter()
         .map(|view| {
             let samples = samples_at(cloud, velocities, view);
             (view, DepthGrid::new(view.pinhole.width, view.pinhole.height, &samples))
         })
         .collect();
     let mut result = vec![None; cloud.len()];
-    result.par_iter_mut().enumerate().with_min_len(1024).for_each(|(i, colour)| {
+    result.par_iter_mut().enumerate().with_min_len(GRAIN).for_each(|(i, colour)| {
         *colour = colour_of(cloud, i, velocities[i], &inputs);
     });
     result
@@ -41,20 +45,20 @@ pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec
 pub(crate) fn samples_at(cloud: &PointCloud, velocities: &[[f32; 3]], view: &View) -> Vec<DepthSample> {
     let start = cloud.frames.partition_point(|&frame| (frame as usize) < view.frame);
     let end = cloud.frames.partition_point(|&frame| frame as usize <= view.frame);
-    samples_of((start..end).map(|i| (cloud.positions[i], velocities[i], cloud.times[i])), &view.pinhole)
+    samples_of((start..end).into_par_iter().map(|i| (cloud.positions[i], velocities[i], cloud.times[i])), &view.pinhole)
 }
 
 /// Where places that move, each given with its velocity and time, are at the moment of a view, ascending by pixel, the nearest of each.
 pub(crate) fn samples_of(
-    places: impl Iterator<Item = ([f32; 3], [f32; 3], f32)>,
+    places: impl IndexedParallelIterator<Item = ([f32; 3], [f32; 3], f32)>,
     view: &PinholeView,
 ) -> Vec<DepthSample> {
     let sample = |(place, velocity, time): ([f32; 3], [f32; 3], f32)| {
         let at = view.project_moving(moved(place, velocity, view.time - time), velocity)?;
         Some(DepthSample { pixel: u32::try_from(at.pixel(view.width)).ok()?, depth: at.depth })
     };
-    let mut samples: Vec<DepthSample> = places.filter_map(sample).collect();
-    samples.sort_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
+    let mut samples: Vec<DepthSample> = places.with_min_len(GRAIN).filter_map(sample).collect();
+    samples.par_sort_unstable_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
     samples.dedup_by_key(|sample| sample.pixel);
     samples
 }

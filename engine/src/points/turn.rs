@@ -32,6 +32,8 @@ const APART: f64 = 0.5;
 const SHOWS: f64 = 0.025;
 /// Where between no motion (0) and a sense (1) the least mean distance must be.
 const LEAST: f64 = 0.6;
+/// Returns that a thread takes at once.
+const GRAIN: usize = 512;
 
 /// How a `LiDAR` turns as seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -162,16 +164,18 @@ impl Sweep {
 fn told(cloud: &PointCloud, sweeps: &[Sweep], turn_s: f64, turn: Turn) -> PointCloud {
     let mut made = cloud.clone();
     for sweep in sweeps {
-        let lidar_from_clip = sweep.clip_from_lidar.inverse();
-        for i in sweep.returns.clone() {
-            let seconds = turn.seconds(sweep.azimuth(cloud.positions[i]).unwrap_or(0.0), turn_s);
+        let (lidar_from_clip, returns) = (sweep.clip_from_lidar.inverse(), sweep.returns.clone());
+        let positions = made.positions[returns.clone()].par_iter_mut().with_min_len(GRAIN);
+        let origins = made.origins[returns.clone()].par_iter_mut();
+        positions.zip(origins).zip(&mut made.times[returns]).for_each(|((position, origin), time)| {
+            let seconds = turn.seconds(sweep.azimuth(*position).unwrap_or(0.0), turn_s);
             let clip_from_then = sweep.clip_from_lidar * sweep.motion.lidar_from_lidar_at(seconds) * lidar_from_clip;
             let moved = |place: [f32; 3]| {
                 clip_from_then.transform_point(DVec3::from(place.map(f64::from))).to_array().map(to_f32)
             };
-            (made.positions[i], made.origins[i]) = (moved(cloud.positions[i]), moved(cloud.origins[i]));
-            made.times[i] = to_f32(f64::from(cloud.times[i]) + seconds);
-        }
+            (*position, *origin) = (moved(*position), moved(*origin));
+            *time = to_f32(f64::from(*time) + seconds);
+        });
     }
     made
 }
@@ -195,7 +199,8 @@ fn disagreement(cloud: &PointCloud, sweeps: &[Sweep]) -> Result<f64> {
         let space = Space::new(&cloud.positions[next])?;
         let distance =
             |place: &&[f32; 3]| space.nearest(place, 1).first().map_or(APART, |near| near.squared.sqrt().min(APART));
-        Ok(compared.iter().map(distance).sum::<f64>() / compared.len().max(1) as f64)
+        let distances: Vec<f64> = compared.par_iter().with_min_len(64).map(distance).collect();
+        Ok(distances.iter().sum::<f64>() / compared.len().max(1) as f64)
     };
     let found: Vec<f64> = pairs.par_iter().map(mean_distance).collect::<Result<_>>()?;
     Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)

@@ -20,6 +20,8 @@ use crate::views::View;
 const LENGTHS: [f64; 2] = [0.5, 2.0];
 /// Share of the usual change under a Gaussian with which it is taken for granted that the network is right.
 const PRIOR: f64 = 0.1;
+/// Gaussians that a thread takes at once.
+const GRAIN: usize = 4096;
 
 /// Lengths of the steps that led to `after`, in units of the step; 1 for a Gaussian that no view shows.
 ///
@@ -62,7 +64,7 @@ pub(super) fn step_lengths_with<'v>(
         let length = (agree + prior) / (change + prior);
         if length.is_finite() { to_f32(length.clamp(LENGTHS[0], LENGTHS[1])) } else { 1.0 }
     };
-    sums.iter().map(length).collect()
+    sums.par_iter().with_min_len(GRAIN).map(length).collect()
 }
 
 /// `[N]` sums over the views of the maps of [`agreement`] under the weights of every Gaussian.
@@ -88,10 +90,11 @@ fn agreements_on<'v>(
         };
         let state = render_for_gradient(splats, &view.pinhole, BEHIND);
         let maps = agreement(&before, &state.images.rgb, view);
-        for (i, [agree, change]) in state.visible().zip(blended_sums(&state, &[&maps[0], &maps[1]])) {
-            sums[i][0] += agree;
-            sums[i][1] += change;
-        }
+        let of_visible = blended_sums::<2>(&state, &[&maps[0], &maps[1]]);
+        state.places(splats.len()).each(&mut sums, |[agree, change], place| {
+            *agree += of_visible[place][0];
+            *change += of_visible[place][1];
+        });
     }
     sums
 }
@@ -117,15 +120,17 @@ fn agreement(before: &[f32], after: &[f32], view: &View) -> [Vec<f32>; 2] {
 /// # Shapes
 /// `lengths` `[N]`.
 pub fn lengthen(set: &mut GaussianSet, before: &GaussianSet, lengths: &[f32]) {
-    for (i, &length) in lengths.iter().enumerate() {
-        let (old, old_velocity) = (&before.attributes[i], &before.velocities[i]);
-        let (mut row, mut velocity) = (set.attributes[i], set.velocities[i]);
+    let now = set.attributes.par_iter_mut().zip(&mut set.velocities);
+    let before = before.attributes.par_iter().zip(&before.velocities);
+    let all = now.zip(before).zip(lengths).with_min_len(GRAIN);
+    all.for_each(|(((set_row, set_velocity), (old, old_velocity)), &length)| {
+        let (mut row, mut velocity) = (*set_row, *set_velocity);
         row.iter_mut().zip(old).for_each(|(new, old)| *new = (*new - old).mul_add(length, *old));
         velocity.iter_mut().zip(old_velocity).for_each(|(new, old)| *new = (*new - old).mul_add(length, *old));
         if row.iter().chain(&velocity).all(|value| value.is_finite()) && !is_carried_away(&old[MEAN], &row[MEAN]) {
-            (set.attributes[i], set.velocities[i]) = (row, velocity);
+            (*set_row, *set_velocity) = (row, velocity);
         }
-    }
+    });
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH}
 use super::forward::TRANSMITTANCE;
 use super::lanes::{Broadcast, RowSpan};
 use super::project::Footprint;
-use super::tiles::TileLists;
+use super::tiles::{TileLists, parts};
 use super::{ImageGradient, MAPS, Rendered, RenderedWithState};
 
 /// Sums over pixels: `g`, `g dy`, `g dy^2`, `g u`, `g u dy`, `g u^2`, and `w` times the gradients of red, green, blue, depth.
@@ -51,15 +51,7 @@ pub(super) fn moments<const M: usize>(
 
 /// The part of `all` that belongs to each tile.
 pub(super) fn by_tile<'a, T>(all: &'a mut [T], first_of_tile: &[u32]) -> Vec<&'a mut [T]> {
-    let mut rest = all;
-    first_of_tile
-        .windows(2)
-        .map(|pair| {
-            let (head, tail) = std::mem::take(&mut rest).split_at_mut((pair[1] - pair[0]) as usize);
-            rest = tail;
-            head
-        })
-        .collect()
+    parts(all, first_of_tile.windows(2).map(|pair| (pair[1] - pair[0]) as usize))
 }
 
 /// Fills planes with the part of each map `[H, W]` that the tile covers.

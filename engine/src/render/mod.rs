@@ -27,9 +27,13 @@ mod halving;
 mod lanes;
 mod memory_estimate;
 mod patch;
+mod places;
 mod project;
 mod project_backward;
+mod tile_sort;
 mod tiles;
+
+use rayon::prelude::*;
 
 use crate::gaussians::physical::{Splat, SplatGradient};
 use crate::views::PinholeView;
@@ -43,6 +47,7 @@ pub use halving::{halving, longest_axes};
 pub use memory_estimate::{MemoryEstimate, Pass};
 pub(crate) use patch::crop;
 pub use patch::{Patch, Redraw};
+pub use places::Places;
 use tiles::TileLists;
 
 pub mod reference;
@@ -78,7 +83,7 @@ pub struct ImageGradient {
 impl Rendered {
     /// `[H, W]` expected depth, `depth / max(alpha, 1e-10)`, metres; 0 where nothing was drawn.
     pub fn expected_depth(&self) -> Vec<f32> {
-        self.depth.iter().zip(&self.alpha).map(|(d, a)| d / a.max(1e-10)).collect()
+        self.depth.par_iter().zip(&self.alpha).with_min_len(4096).map(|(d, a)| d / a.max(1e-10)).collect()
     }
 }
 

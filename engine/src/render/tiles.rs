@@ -7,11 +7,12 @@ use rayon::prelude::*;
 
 use super::constants::{TILE_HEIGHT, TILE_WIDTH};
 use super::project::{Footprint, Projector};
+use super::tile_sort::by_tile;
 use crate::gaussians::physical::Splat;
 use crate::views::PinholeView;
 
 /// Gaussians that one parallel piece of work takes: fixed, so that results do not depend on the number of threads.
-const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 4096;
 
 /// The tile grid of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,10 +82,14 @@ pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeVie
         .filter_map(|(i, splat)| projector.footprint(splat, (first + i) as u32))
         .collect();
     // Depths are positive: their bits order as they do. The index in the low half settles ties.
-    let mut keys: Vec<u64> =
-        visible.iter().enumerate().map(|(i, f)| u64::from(f.depth.to_bits()) << 32 | i as u64).collect();
+    let mut keys: Vec<u64> = visible
+        .par_iter()
+        .enumerate()
+        .with_min_len(CHUNK)
+        .map(|(i, f)| u64::from(f.depth.to_bits()) << 32 | i as u64)
+        .collect();
     keys.par_sort_unstable();
-    keys.par_iter().map(|&key| visible[(key & 0xffff_ffff) as usize]).collect()
+    keys.par_iter().with_min_len(CHUNK).map(|&key| visible[(key & 0xffff_ffff) as usize]).collect()
 }
 
 /// Offsets per Gaussian and the tiles that each Gaussian touches.
@@ -105,17 +110,29 @@ pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Ve
         .collect();
     let total: usize = pieces.iter().map(|(_, tiles)| tiles.len()).sum();
     let mut first_of_splat = Vec::with_capacity(footprints.len() + 1);
-    let mut all = Vec::with_capacity(total);
     let mut next = 0;
     first_of_splat.push(0);
-    for (counts, tiles) in pieces {
-        for count in counts {
-            next += count;
-            first_of_splat.push(next);
-        }
-        all.extend_from_slice(&tiles);
+    for count in pieces.iter().flat_map(|(counts, _)| counts) {
+        next += count;
+        first_of_splat.push(next);
     }
+    let mut all = vec![0; total];
+    let lengths = pieces.iter().map(|(_, tiles)| tiles.len());
+    let parts = parts(&mut all, lengths);
+    parts.into_par_iter().zip(&pieces).for_each(|(part, (_, tiles))| part.copy_from_slice(tiles));
     (first_of_splat, all)
+}
+
+/// A slice in parts of these lengths, one behind the other.
+pub(super) fn parts<T>(all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    let mut rest = all;
+    lengths
+        .map(|len| {
+            let (head, tail) = std::mem::take(&mut rest).split_at_mut(len);
+            rest = tail;
+            head
+        })
+        .collect()
 }
 
 /// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
@@ -184,27 +201,4 @@ pub(super) fn pixel_span(low: f32, high: f32, size: usize) -> Option<(usize, usi
     let first = (low - 0.5).ceil().max(0.0);
     let last = (high - 0.5).floor().min(size as f32 - 1.0);
     (first <= last).then_some((first as usize, last as usize))
-}
-
-/// Stable counting sort of the intersections by tile.
-fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, grid: TileGrid) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
-    let mut first_of_tile = vec![0_u32; grid.num_tiles() + 1];
-    for &tile in &tiles {
-        first_of_tile[tile as usize + 1] += 1;
-    }
-    for t in 0..grid.num_tiles() {
-        first_of_tile[t + 1] += first_of_tile[t];
-    }
-    let mut next = first_of_tile.clone();
-    let mut intersections = vec![0_u32; tiles.len()];
-    let mut places_of_splats = tiles;
-    for (visible, pair) in first_of_splat.windows(2).enumerate() {
-        for place_of_splat in &mut places_of_splats[pair[0] as usize..pair[1] as usize] {
-            let place = &mut next[*place_of_splat as usize];
-            intersections[*place as usize] = to_u32(visible);
-            *place_of_splat = *place;
-            *place += 1;
-        }
-    }
-    (first_of_tile, places_of_splats, intersections)
 }

@@ -3,6 +3,7 @@
 use image::{ImageError, ImageFormat, codecs::jpeg::JpegEncoder, imageops};
 use lgs_formats::casts::to_u32;
 use lgs_formats::image::{PixelLabel, RgbImage, to_byte};
+use rayon::prelude::*;
 
 use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
 use crate::{render::Rendered, views::View};
@@ -20,6 +21,8 @@ pub(super) const SCORE_COLOURS: ColourMap = VIRIDIS;
 const SCORE_OPACITY: f32 = 0.7;
 /// Brightness of what was drawn below scores.
 const UNDER_SCORES: f32 = 0.8;
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 4096;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,11 +73,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    fn new(kind: PictureKind, width: usize, height: usize, colour: impl Fn(usize) -> [u8; 3]) -> Self {
+    fn new(kind: PictureKind, width: usize, height: usize, colour: impl Fn(usize) -> [u8; 3] + Sync) -> Self {
         let mut pixels = image::RgbImage::new(to_u32(width), to_u32(height));
-        for (i, pixel) in pixels.pixels_mut().enumerate() {
-            pixel.0 = colour(i);
-        }
+        let each = pixels.par_chunks_exact_mut(3).with_min_len(GRAIN).enumerate();
+        each.for_each(|(i, pixel)| pixel.copy_from_slice(&colour(i)));
         Self { kind, pixels }
     }
 

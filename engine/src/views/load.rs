@@ -6,6 +6,9 @@ use rayon::prelude::*;
 use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, Shutter, View, selection::SelectedImage, strays};
 use crate::error::{EngineError, Result};
 
+/// Returns that a thread projects at once.
+const GRAIN: usize = 1024;
+
 /// The selected views of one role: frame by frame, cameras in the clip's order; `progress` is called once per view. No
 /// file of a frame of the other role is opened.
 ///
@@ -60,7 +63,8 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
 /// # Errors
 /// When a coordinate is not finite.
 fn surfaces(view: &PinholeView, points: &[[f32; 3]], sweep: &Sweep) -> Result<Vec<[f32; 3]>> {
-    let seen: Vec<usize> = (0..points.len()).filter(|&i| view.project(points[i]).is_some()).collect();
+    let returns = (0..points.len()).into_par_iter().with_min_len(GRAIN);
+    let seen: Vec<usize> = returns.filter(|&i| view.project(points[i]).is_some()).collect();
     let origin = |&i: &usize| sweep.origins.as_ref().map_or([0.0; 3], |origins| origins[i]);
     let own: Vec<[f32; 3]> = seen.iter().map(|&i| sweep.points[i]).collect();
     let strays = strays(&own, &seen.iter().map(origin).collect::<Vec<_>>())?;
@@ -82,7 +86,8 @@ pub(crate) fn depth_samples(view: &PinholeView, points: &[[f32; 3]]) -> Result<V
         });
     }
     let mut nearest = vec![f32::INFINITY; view.num_pixels()]; // [H, W]
-    for at in points.iter().filter_map(|&point| view.project(point)) {
+    let seen: Vec<_> = points.par_iter().with_min_len(GRAIN).filter_map(|&point| view.project(point)).collect();
+    for at in seen {
         let cell = &mut nearest[at.pixel(view.width)];
         *cell = cell.min(at.depth);
     }

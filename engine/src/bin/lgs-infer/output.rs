@@ -18,6 +18,7 @@ use lgs_formats::{
     ply::{Higher, write_plain_ply, write_ply},
     write::{check_writable, write_atomic},
 };
+use rayon::prelude::*;
 
 /// Widest picture in the report, pixels, as long as there are few.
 const REPORT_WIDTH_PX: u32 = 640;
@@ -50,14 +51,14 @@ pub(crate) fn pictures_of(drawn: RenderedView<'_>, figures: Figures<'_>, max_wid
     if let Some(scores) = scores {
         pictures.extend([ScoreKind::Prune, ScoreKind::Add].map(|kind| Picture::of_score(kind, rendered, scores)));
     }
-    let (mut files, mut embedded) = (Vec::new(), Vec::new());
-    for picture in &pictures {
+    let encoded = |picture: &Picture| -> Result<_> {
         let name = picture_name(view, picture.kind);
         let context = || format!("views/{name}: encode");
-        let png = picture.png().with_context(context)?;
-        embedded.push((picture.kind, picture.jpeg(max_width).with_context(context)?));
-        files.push((name, png));
-    }
+        let (png, jpeg) = rayon::join(|| picture.png(), || picture.jpeg(max_width));
+        let (png, jpeg) = (png.with_context(context)?, jpeg.with_context(context)?);
+        Ok(((name, png), (picture.kind, jpeg)))
+    };
+    let (files, embedded) = pictures.par_iter().map(encoded).collect::<Result<Vec<_>>>()?.into_iter().unzip();
     let size = pictures.first().map_or([0, 0], Picture::size);
     Ok(ViewPictures { files, page: PageView { size, pictures: embedded } })
 }
@@ -157,10 +158,12 @@ impl Output<'_> {
         if !self.views.is_empty() {
             make(&views)?;
         }
-        for (name, bytes) in self.views.iter().flat_map(|view| &view.files) {
-            write_atomic(&views.join(name), bytes)?;
-        }
-        self.exports.write(out, self.scene)?;
+        let files: Vec<&(String, Vec<u8>)> = self.views.iter().flat_map(|view| &view.files).collect();
+        let write_view = |(name, bytes): &&(String, Vec<u8>)| write_atomic(&views.join(name), bytes);
+        let write_views = || files.par_iter().try_for_each(write_view);
+        let (written, exported) = rayon::join(write_views, || self.exports.write(out, self.scene));
+        written?;
+        exported?;
         write_atomic(&out.join("report.html"), self.report.as_bytes())?;
         if let Some(viewer) = self.viewer {
             write_atomic(&out.join("viewer.html"), viewer.as_bytes())?;

@@ -1,5 +1,7 @@
 //! A coarse layer behind everything, for the cracks that open when a view is rendered from beside its inputs.
 
+use rayon::prelude::*;
+
 use super::{Sheet, depth::Trust, is_ignored};
 use crate::{
     gaussians::{Coarseness, NUM_ATTRIBUTES, initial::row},
@@ -22,6 +24,8 @@ const SAME_DEPTH: f32 = 0.25;
 const SAME_COLOUR: f32 = 0.06;
 /// Opacity.
 const OPACITY: f32 = 0.95;
+/// Blocks that a thread takes at once.
+const GRAIN: usize = 64;
 
 /// What is behind a block.
 #[derive(Clone, Copy, Debug)]
@@ -53,11 +57,10 @@ pub(super) fn rows(view: &View, sheet: &Sheet, coarseness: Coarseness) -> Vec<[f
 
 impl Grid {
     fn finest(view: &View, sheet: &Sheet) -> Self {
-        let blocks = |size: usize| (0..size).step_by(BLOCK);
-        let corners =
-            blocks(view.pinhole.height).flat_map(|row| blocks(view.pinhole.width).map(move |column| (row, column)));
-        let cells = corners.map(|(row, column)| of_block(view, sheet, row, column)).collect();
-        Self { side: BLOCK, columns: view.pinhole.width.div_ceil(BLOCK), cells }
+        let [columns, rows] = [view.pinhole.width, view.pinhole.height].map(|size| size.div_ceil(BLOCK));
+        let cell = |i: usize| of_block(view, sheet, i / columns * BLOCK, i % columns * BLOCK);
+        let cells = (0..columns * rows).into_par_iter().with_min_len(GRAIN).map(cell).collect();
+        Self { side: BLOCK, columns, cells }
     }
 
     /// The grid of blocks of twice the side where four are alike; these are taken out here.

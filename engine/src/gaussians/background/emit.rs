@@ -1,5 +1,7 @@
 //! Uncovered pixels to Gaussians.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
@@ -27,10 +29,16 @@ const SHARPENED: f32 = 0.5;
 /// Variance of a drawn Gaussian of one pixel, square pixels.
 const DRAWN: f32 = 0.31;
 /// Rectangles that a thread takes at once.
-const GRAIN: usize = 1024;
+const GRAIN: usize = 32;
 
-/// The raw attributes of Gaussians for the uncovered pixels of `view` whose depth is trusted just as `trust` says: one for each
-/// rectangle of pixels that are alike.
+/// What is emitted of a sheet: pixels whose depth is trusted just so, in these rows of the image.
+#[derive(Clone, Debug)]
+pub(super) struct Wanted {
+    pub(super) trust: Trust,
+    pub(super) rows: Range<usize>,
+}
+
+/// The raw attributes of Gaussians for the uncovered pixels of `view` that are wanted: one for each rectangle of pixels that are alike.
 ///
 /// A confirmed one takes half of its colour from the first of `sources` that its pixels project into: neither a small error of
 /// depth nor what shines differently from there then weighs fully.
@@ -38,14 +46,14 @@ pub(super) fn rows(
     view: &View,
     sheet: &Sheet,
     coverage: &Coverage,
-    trust: Trust,
+    wanted: Wanted,
     sources: &[&View],
     coarseness: Coarseness,
 ) -> Vec<[f32; NUM_ATTRIBUTES]> {
-    let is_open = |(pixel, &here): (usize, &Trust)| here == trust && coverage.shows(pixel);
-    let open: Vec<bool> = sheet.trust.iter().enumerate().map(is_open).collect();
+    let Wanted { trust, rows } = wanted;
+    let is_open = |pixel: usize| sheet.trust[pixel] == trust && coverage.shows(pixel);
     let sources = if trust == Trust::Confirmed { sources } else { &[] };
-    let blocks = blocks(view, sheet, &open, coarseness);
+    let blocks = blocks(view, sheet, (rows, is_open), coarseness);
     blocks.par_iter().with_min_len(GRAIN).map(|block| of_block(view, block, sources)).collect()
 }
 

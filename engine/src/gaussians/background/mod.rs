@@ -20,6 +20,7 @@ pub use self::maps::MapFit;
 use self::{
     coverage::{Coverage, Shape},
     depth::Trust,
+    emit::Wanted,
     maps::Aligned,
 };
 use super::{Coarseness, Gaussian, GaussianSet, NUM_ATTRIBUTES, Start, mean_of, motion::Movement};
@@ -66,6 +67,14 @@ struct Sheet {
     trust: Vec<Trust>,
 }
 
+impl Sheet {
+    /// Behind no pixel of a view anything is known.
+    fn unknown(view: &View) -> Self {
+        let count = view.pinhole.num_pixels();
+        Self { inverse_depths: vec![0.0; count], trust: vec![Trust::Unknown; count] }
+    }
+}
+
 /// How depth maps were used: appends Gaussians to `set` where its `LiDAR` branch leaves pixels of the input views uncovered.
 ///
 /// What views agree on comes first, then what one alone knows, then what is contradicted; within each, view after view, from the middle frame outwards.
@@ -106,9 +115,9 @@ pub(crate) fn add_background(
         return fits;
     }
     backdrop.add_own_vehicle(set, coarseness);
-    for (view, sheet) in backdrop.views.iter().zip(&backdrop.sheets) {
-        append(set, view, backstop::rows(view, sheet, coarseness));
-    }
+    let behind = |(view, sheet): (&&View, &Sheet)| backstop::rows(view, sheet, coarseness);
+    let behind: Vec<_> = backdrop.views.par_iter().zip(&backdrop.sheets).map(behind).collect();
+    backdrop.views.iter().zip(behind).for_each(|(view, rows)| append(set, view, rows));
     fits
 }
 
@@ -134,19 +143,22 @@ impl<'a> Backdrop<'a> {
         let velocities = vec![[0.0; 3]; still.len()];
         for k in 0..self.views.len() {
             let view = self.views[k];
+            let things: Vec<&moving::Thing> =
+                things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)).collect();
             let standing = samples_at(still, &velocities, view);
-            let sources = self.sources(k);
-            for thing in things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)) {
-                let own = moving::sheet(view, &mut self.sheets[k], &standing, thing, things, &sources);
-                let Some(own) = own else { continue };
-                let rows = emit::rows(view, &own, &self.coverages[k], Trust::Alone, &[], coarseness);
-                let first = set.len();
-                for attributes in rows {
-                    let mean = mean_of(&attributes);
-                    let time = view.pinhole.exposed_at(mean);
-                    let velocity = thing.velocity_of(mean, time - thing.time);
-                    set.push(Gaussian { attributes, time, frame: thing.flow.frame, velocity });
+            let shown = moving::shown(view, &self.sheets[k], &standing, &things, &self.sources(k));
+            let mut own = Sheet::unknown(view);
+            for (thing, shown) in things.into_iter().zip(shown) {
+                let Some(shown) = shown else { continue };
+                for &(pixel, inverse) in &shown.pixels {
+                    self.sheets[k].trust[pixel] = Trust::Unknown;
+                    (own.inverse_depths[pixel], own.trust[pixel]) = (inverse, Trust::Alone);
                 }
+                let wanted = Wanted { trust: Trust::Alone, rows: shown.rows };
+                let rows = emit::rows(view, &own, &self.coverages[k], wanted, &[], coarseness);
+                shown.pixels.iter().for_each(|&(pixel, _)| own.trust[pixel] = Trust::Unknown);
+                let first = set.len();
+                moving::append(set, view, thing, &rows);
                 let mut shapes = Shape::of(&set.attributes[first..]);
                 for (shape, i) in shapes.iter_mut().zip(first..) {
                     shape.move_as(set.times[i], set.velocities[i]);
@@ -161,7 +173,8 @@ impl<'a> Backdrop<'a> {
         for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
             for k in 0..self.views.len() {
                 let view = self.views[k];
-                let rows = emit::rows(view, &self.sheets[k], &self.coverages[k], trust, &self.sources(k), coarseness);
+                let wanted = Wanted { trust, rows: 0..view.pinhole.height };
+                let rows = emit::rows(view, &self.sheets[k], &self.coverages[k], wanted, &self.sources(k), coarseness);
                 self.cover(&Shape::of(&rows));
                 append(set, view, rows);
             }
@@ -174,7 +187,8 @@ impl<'a> Backdrop<'a> {
             let first = !self.views[..k].iter().any(|other| other.camera == view.camera);
             let Some(other) = self.sources(k).first().copied().filter(|_| first) else { continue };
             let nothing = Coverage::new(&view.pinhole);
-            let rows = emit::rows(view, &self.sheets[k], &nothing, Trust::OwnVehicle, &[], coarseness);
+            let wanted = Wanted { trust: Trust::OwnVehicle, rows: 0..view.pinhole.height };
+            let rows = emit::rows(view, &self.sheets[k], &nothing, wanted, &[], coarseness);
             let velocity = velocity(&view.pinhole, &other.pinhole);
             for attributes in rows {
                 let time = view.pinhole.exposed_at(mean_of(&attributes));

@@ -24,6 +24,7 @@ mod tests;
 
 pub use self::boxes::MovingBox;
 pub(crate) use self::boxes::boxed;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::{points::PointCloud, views::View, words::Words};
@@ -132,8 +133,11 @@ pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
     let eyes = eyes::Eyes::of(views, &frames, STEADY);
     let movers = movers::movers(&score::Scorer { sweeps: &sweeps, eyes: &eyes });
     let own = own_vehicle::own(cloud, &runs, &sweeps);
-    for (index, run) in runs.iter().enumerate() {
-        let of_return = spread::spread(&cloud.positions[run.clone()], &sweeps[index], &movers, index);
+    let spread = |(index, run): (usize, &std::ops::Range<usize>)| {
+        spread::spread(&cloud.positions[run.clone()], &sweeps[index], &movers, index)
+    };
+    let of_returns: Vec<Vec<Option<usize>>> = runs.par_iter().enumerate().map(spread).collect();
+    for ((index, run), of_return) in runs.iter().enumerate().zip(of_returns) {
         for (label, mover) in movers.iter().enumerate() {
             let own = || (run.start..run.end).filter(|&point| of_return[point - run.start] == Some(label));
             if own().next().is_some() {

@@ -112,7 +112,8 @@ impl Search<'_> {
     fn guess(&self, sweep: usize, seed: &[usize]) -> Option<Guess> {
         let grown = |velocity: [f32; 2]| Guess { sweep, velocity, region: self.grown(sweep, velocity, seed) };
         let better = |a: Guess, b: Guess| if b.region.gain > a.region.gain { b } else { a };
-        candidates(self.scorer, sweep, seed).into_iter().map(grown).reduce(better).filter(|guess| guess.region.sure > 0)
+        let grown: Vec<Guess> = candidates(self.scorer, sweep, seed).into_par_iter().map(grown).collect();
+        grown.into_iter().reduce(better).filter(|guess| guess.region.sure > 0)
     }
 
     /// The thing in all sweeps, with the motions that explain it best; `None` where it may as well stand still.
@@ -125,13 +126,18 @@ impl Search<'_> {
         regions[guess.sweep] = guess.region.clone();
         for round in 0..=ROUNDS {
             // Every sweep over which the velocity holds, not only those that are compared.
-            for (index, other) in sweeps.iter().enumerate() {
+            let before = &regions[guess.sweep];
+            let again = |(index, other): (usize, &Sweep)| {
                 let seconds = other.time - own.time;
-                if index != guess.sweep && seconds.abs() <= last + SAME_TIME {
-                    let moved = velocity.map(|v| v * seconds);
-                    let seeds = landed(own, &regions[guess.sweep].sites, other, moved);
-                    regions[index] = self.grown(index, velocity, &seeds);
-                }
+                let compared = index != guess.sweep && seconds.abs() <= last + SAME_TIME;
+                compared.then(|| {
+                    let seeds = landed(own, &before.sites, other, velocity.map(|v| v * seconds));
+                    self.grown(index, velocity, &seeds)
+                })
+            };
+            let again: Vec<Option<Region>> = sweeps.par_iter().enumerate().map(again).collect();
+            for (region, again) in regions.iter_mut().zip(again) {
+                *region = again.unwrap_or_else(|| std::mem::take(region));
             }
             if round == ROUNDS {
                 break;

@@ -1,6 +1,7 @@
 //! Where something may move, and how fast it may.
 
 use lgs_formats::casts::whole;
+use rayon::prelude::*;
 
 use super::{
     score::{Matching, Scorer},
@@ -28,6 +29,8 @@ const FEWEST: u32 = 6;
 const STANDS: f64 = 0.3;
 /// Share of a seed that must land on something.
 const LANDS: f64 = 0.4;
+/// Velocities of the coarse search that a thread takes at once.
+const GRAIN: usize = 64;
 
 /// Groups of sites that other sweeps see through.
 pub(super) fn seeds(sites: &Sites, still: &[Still]) -> Vec<Vec<usize>> {
@@ -76,7 +79,7 @@ pub(super) fn candidates(scorer: &Scorer<'_>, from: usize, sites: &[usize]) -> V
         let near = climb(near, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, fine);
         (near, scorer.total(from, &sites, near, Matching::FINE))
     };
-    let mut found: Vec<([f32; 2], f64)> = starts.into_iter().map(follow).collect();
+    let mut found: Vec<([f32; 2], f64)> = starts.into_par_iter().map(follow).collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut kept: Vec<[f32; 2]> = Vec::new();
     for (v, _) in found {
@@ -109,13 +112,13 @@ fn lands(sweeps: &[Sweep], from: usize, sites: &[usize], velocity: [f32; 2]) -> 
 }
 
 /// The local maxima above `least` among velocities `step` apart, best first.
-fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64) -> Vec<[f32; 2]> {
+fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64 + Sync) -> Vec<[f32; 2]> {
     let reach = whole(FASTEST / step).max(1);
     let side = 2 * reach + 1;
     let velocity = |at: usize| [at % side, at / side].map(|k| (k as f32 - reach as f32) * step);
     let possible = |[x, y]: [f32; 2]| x * x + y * y <= FASTEST * FASTEST;
     let value_at = |at: usize| if possible(velocity(at)) { value(velocity(at)) } else { 0.0 };
-    let values: Vec<f64> = (0..side * side).map(value_at).collect();
+    let values: Vec<f64> = (0..side * side).into_par_iter().with_min_len(GRAIN).map(value_at).collect();
     let neighbours = |at: usize| {
         let (x, y) = (at % side, at / side);
         let rows = y.saturating_sub(1)..(y + 2).min(side);
@@ -141,7 +144,7 @@ pub(super) fn climb<const N: usize>(
     first: [f32; N],
     last: f32,
     directions: &[[f32; N]],
-    value: impl Fn([f32; N]) -> f64,
+    value: impl Fn([f32; N]) -> f64 + Sync,
 ) -> [f32; N] {
     /// Most steps of one length.
     const MAX_STEPS: usize = 8;
@@ -149,9 +152,11 @@ pub(super) fn climb<const N: usize>(
     while share >= last {
         for _ in 0..MAX_STEPS {
             let before = best;
-            for direction in directions {
-                let next: [f32; N] = std::array::from_fn(|k| before[k] + share * first[k] * direction[k]);
-                let found = value(next);
+            let next = |direction: &[f32; N]| -> [f32; N] {
+                std::array::from_fn(|k| before[k] + share * first[k] * direction[k])
+            };
+            let found: Vec<([f32; N], f64)> = directions.par_iter().map(next).map(|next| (next, value(next))).collect();
+            for (next, found) in found {
                 if found > highest {
                     (best, highest) = (next, found);
                 }

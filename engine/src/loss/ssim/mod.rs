@@ -133,7 +133,9 @@ pub fn add_ssim_gradient(
 ) -> Option<f64> {
     let centres = Centres::of(pair)?;
     let count = (0..centres.height * centres.width)
-        .filter(|i| !is_ignored(labels, image_index(i / centres.width, i % centres.width, centres.width)))
+        .into_par_iter()
+        .with_min_len(ROWS_PER_TASK * WINDOW * WINDOW)
+        .filter(|&i| !is_ignored(labels, image_index(i / centres.width, i % centres.width, centres.width)))
         .count()
         * CHANNELS;
     if count == 0 {

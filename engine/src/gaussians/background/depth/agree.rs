@@ -1,5 +1,7 @@
 //! Which depths the map of another view confirms, and what to believe where none does.
 
+use rayon::prelude::*;
+
 use super::volume::RelativePose;
 use crate::views::{PinholeView, reduced::Reduced};
 
@@ -11,6 +13,8 @@ const REACH: usize = 30;
 const PER_PIXEL: f32 = 3.0;
 /// What nearness costs, grey levels times metres: what is hidden in another view is more often behind than in front.
 const PER_INVERSE_DEPTH: f32 = 600.0;
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 512;
 
 /// How far a pixel's depth can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -61,7 +65,7 @@ pub(in super::super) fn trust(map: Map<'_>, others: &[Map<'_>]) -> Vec<Trust> {
         });
         verdicts.reduce(better).unwrap_or(Trust::Alone)
     };
-    (0..map.inverse.len()).map(of_pixel).collect()
+    (0..map.inverse.len()).into_par_iter().with_min_len(GRAIN).map(of_pixel).collect()
 }
 
 /// A confirmation by one view is enough; else being seen through by one view is.
@@ -75,7 +79,7 @@ pub(super) fn repaired(view: &Reduced, inverse: &[f32], trust: &[Trust]) -> Vec<
         Trust::Alone | Trust::Contradicted => nearest_confirmed(view, pixel, inverse, trust).unwrap_or(inverse[pixel]),
         Trust::Confirmed | Trust::OwnVehicle | Trust::Unknown => inverse[pixel],
     };
-    (0..inverse.len()).map(of_pixel).collect()
+    (0..inverse.len()).into_par_iter().with_min_len(GRAIN).map(of_pixel).collect()
 }
 
 /// The inverse depth of that of the first confirmed pixels in eight directions which is most alike, close and far away.

@@ -1,5 +1,7 @@
 //! Depth maps back at the resolution of their views.
 
+use rayon::prelude::*;
+
 use super::agree::Trust;
 use crate::{
     gaussians::background::{Sheet, slant},
@@ -8,6 +10,8 @@ use crate::{
 
 /// What a pixel of distance costs when the coarse pixel of the most similar colour is sought, grey levels of all channels.
 const PER_PIXEL: f32 = 2.0;
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 1024;
 
 /// The sheet of `view`: each pixel takes inverse depth and trust of that of the four coarse pixels around it which is most
 /// like it; nothing is farther away than `radius` metres.
@@ -21,6 +25,8 @@ pub(super) fn enlarged(
 ) -> Sheet {
     let pinhole = &view.pinhole;
     let (inverse_depths, trust) = (0..pinhole.num_pixels())
+        .into_par_iter()
+        .with_min_len(GRAIN)
         .map(|pixel| {
             let coarse = most_alike(view, level, factor, pixel);
             (inverse[coarse].max(slant(pinhole, pixel) / radius), trust[coarse])

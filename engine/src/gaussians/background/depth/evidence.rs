@@ -1,5 +1,7 @@
 //! What returns, ground and colours say about the depth of a view's pixels, before images are compared.
 
+use rayon::prelude::*;
+
 use super::{ground::Ground, sky_colours::SkyColours};
 use crate::{
     points::{DepthGrid, PointCloud},
@@ -24,6 +26,8 @@ const SMOOTH: f32 = 8.0;
 const BRIGHTER_THAN: f32 = 0.7;
 /// Strength of the sky's colour for pixels near returns.
 const NEAR_RETURNS: f32 = 0.5;
+/// Returns or pixels that a thread takes at once.
+const GRAIN: usize = 1024;
 
 /// What is known of one pixel; inverse depths in 1 / metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,7 +52,8 @@ pub(super) fn evidence(view: &View, level: &Reduced, cloud: &PointCloud, ground:
     let measured: Vec<bool> = pixels.iter().map(|pixel| pixel.weight > 0.0).collect();
     interpolate(&mut pixels, level.pinhole.width);
     let upward: Vec<bool> = pixels
-        .iter_mut()
+        .par_iter_mut()
+        .with_min_len(GRAIN)
         .enumerate()
         .map(|(i, pixel)| {
             let at = middle(i, level.pinhole.width);
@@ -77,15 +82,19 @@ pub(super) fn middle(pixel: usize, width: usize) -> Projected {
 /// The best return of every pixel: of its own sweep before others, the nearest of these; what something covers is left out.
 fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence> {
     let grid = DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
-    let mut pixels = vec![Evidence::default(); level.pinhole.num_pixels()];
-    for (&position, &frame) in cloud.positions.iter().zip(&cloud.frames) {
-        let Some(place) = level.pinhole.project(position) else { continue };
+    let seen = |(&position, &frame): (&[f32; 3], &u32)| {
+        let place = level.pinhole.project(position)?;
         if view.pinhole.project(position).is_none_or(|at| grid.covers(at)) {
-            continue;
+            return None;
         }
         let weight = if frame as usize == view.frame { 1.0 } else { OTHER_SWEEP };
-        let pixel = &mut pixels[place.pixel(level.pinhole.width)];
-        let inverse = 1.0 / place.depth;
+        Some((place.pixel(level.pinhole.width), weight, 1.0 / place.depth))
+    };
+    let returns = cloud.positions.par_iter().zip(&cloud.frames).with_min_len(GRAIN);
+    let seen: Vec<(usize, f32, f32)> = returns.filter_map(seen).collect();
+    let mut pixels = vec![Evidence::default(); level.pinhole.num_pixels()];
+    for (pixel, weight, inverse) in seen {
+        let pixel = &mut pixels[pixel];
         if (weight, inverse) > (pixel.weight, pixel.inverse) {
             *pixel = Evidence { inverse, weight, ..Evidence::default() };
         }
@@ -97,10 +106,10 @@ fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence>
 fn interpolate(pixels: &mut [Evidence], width: usize) {
     let known: Vec<Evidence> = pixels.to_vec();
     let height = known.len() / width;
-    for (i, pixel) in pixels.iter_mut().enumerate() {
+    pixels.par_iter_mut().with_min_len(GRAIN).enumerate().for_each(|(i, pixel)| {
         if pixel.weight > 0.0 {
             pixel.near_returns = true;
-            continue;
+            return;
         }
         let (column, row) = (i % width, i / width);
         let find = |stride: usize, forward: bool, room: usize| {
@@ -122,7 +131,7 @@ fn interpolate(pixels: &mut [Evidence], width: usize) {
                 (pixel.inverse, pixel.weight) = ((near * b + far * a) / (a + b), BETWEEN);
             }
         }
-    }
+    });
 }
 
 /// Tells sky by its colour, learned from smooth, bright pixels above the horizon and all returns.

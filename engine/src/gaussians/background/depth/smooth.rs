@@ -3,6 +3,8 @@
 //! # Source
 //! Hirschmueller, Stereo processing by semiglobal matching and mutual information, 2008.
 
+use rayon::prelude::*;
+
 use super::volume::{NUM_DEPTHS, NUM_LABELS, OWN_VEHICLE, Volume};
 use crate::views::reduced::Reduced;
 
@@ -16,6 +18,8 @@ const EDGE: f32 = 15.0;
 const PADDED: usize = NUM_LABELS + 2;
 /// More than any path costs, and far enough from overflow.
 const HIGH: i16 = 16_000;
+/// Pixels that a thread chooses for at once.
+const GRAIN: usize = 512;
 
 /// What was decided about a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +39,11 @@ pub(super) struct Choice {
 pub(super) fn smooth(volume: &Volume, view: &Reduced) -> Vec<Choice> {
     let (forward, backward) = rayon::join(|| sweep(volume, view, true), || sweep(volume, view, false));
     let total = |pixel: usize| -> [i16; NUM_LABELS] { std::array::from_fn(|l| forward[pixel][l] + backward[pixel][l]) };
-    (0..volume.costs.len()).map(|pixel| choose(&total(pixel), volume.step)).collect()
+    (0..volume.costs.len())
+        .into_par_iter()
+        .with_min_len(GRAIN)
+        .map(|pixel| choose(&total(pixel), volume.step))
+        .collect()
 }
 
 fn choose(total: &[i16; NUM_LABELS], step: f32) -> Choice {

@@ -272,5 +272,5 @@ fn census(view: &Reduced) -> Vec<u32> {
             bits << 1 | u32::from(grey[other] + MARGIN < grey[pixel])
         })
     };
-    (0..grey.len()).map(bits_of).collect()
+    (0..grey.len()).into_par_iter().with_min_len(512).map(bits_of).collect()
 }

@@ -1,6 +1,7 @@
 //! Whether the colours of pixels go with a moving thing or with what stands.
 
 use lgs_formats::casts::whole;
+use rayon::prelude::*;
 
 use super::{Thing, outline::Outline};
 use crate::{
@@ -23,7 +24,7 @@ pub(super) struct Pixels {
 }
 
 impl Pixels {
-    /// Those of an outline; `inverse` `[H, W]` inverse depths of the thing, 1 / metres.
+    /// Those of an outline; `inverse` inverse depths of the thing in it, 1 / metres.
     pub(super) fn of(
         view: &View,
         sheet: &Sheet,
@@ -33,11 +34,11 @@ impl Pixels {
         sources: &[&View],
     ) -> Self {
         let width = view.pinhole.width;
-        let advantage = |pixel: usize| {
+        let advantage = |(pixel, inverse): (usize, &f32)| {
             let [u, v] = [(pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5];
             let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
-            let place = at(inverse[pixel]);
+            let place = at(*inverse);
             let taken = view.pinhole.exposing([u, v]).time;
             let velocity = thing.velocity_of(place, taken - thing.time);
             let there = |source: &View| {
@@ -53,7 +54,8 @@ impl Pixels {
             let stands = differ(&|source| source.pinhole.project((still > 0.0).then(|| at(still))?))?;
             Some(stands - moves)
         };
-        Self { advantage: outline.pixels(width).map(|pixel| advantage(pixel).unwrap_or(0.0)).collect() }
+        let each = outline.pixels(width).zip(inverse).map(|pixel| advantage(pixel).unwrap_or(0.0));
+        Self { advantage: each.collect() }
     }
 
     /// The mean over a window of what has the colour of its middle.

@@ -7,16 +7,25 @@ mod colours;
 mod nearest;
 mod outline;
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use self::{colours::Pixels, nearest::Nearest, outline::Outline};
 use super::{Sheet, depth::Trust, gaps::continued, is_ignored};
 use crate::{
-    gaussians::motion::{Flow, Movement, STANDS},
+    gaussians::{
+        Gaussian, GaussianSet, NUM_ATTRIBUTES, mean_of,
+        motion::{Flow, Movement, STANDS},
+    },
     points::{PointCloud, moved, samples_of},
     views::{DepthSample, View},
 };
 
 /// Fewest returns in an image that show where a thing is.
 const FEWEST: usize = 6;
+/// Gaussians that a thread makes at once.
+const GRAIN: usize = 64;
 
 /// A moving thing as one sweep sees it.
 #[derive(Clone, Debug)]
@@ -62,52 +71,68 @@ pub(super) fn still(cloud: &PointCloud, movement: &Movement) -> PointCloud {
     }
 }
 
-/// The depths of the pixels of `view` that show `thing`, which are no longer known to `sheet`; `None` where the view does not show it.
+/// What a view shows of a thing.
+pub(super) struct Shown {
+    /// Row-major indices of its pixels, ascending, and their inverse depths, 1 / metres.
+    pub(super) pixels: Vec<(usize, f32)>,
+    /// The rows of the image that they are in.
+    pub(super) rows: Range<usize>,
+}
+
+/// What `view` shows of each of `things`, those of its own frame; `None` for those that it does not show.
 ///
-/// `still`: the returns of what stands that the view shows; `all`: every thing, this one included; `sources`: images that are compared.
-pub(super) fn sheet(
+/// `still`: the returns of what stands that the view shows; `sources`: images that are compared.
+pub(super) fn shown(
     view: &View,
-    sheet: &mut Sheet,
+    sheet: &Sheet,
     still: &[DepthSample],
-    thing: &Thing,
-    all: &[Thing],
+    things: &[&Thing],
     sources: &[&View],
-) -> Option<Sheet> {
-    let own = samples(view, thing);
-    if own.len() < FEWEST {
-        return None;
-    }
-    let outline = Outline::of(view, &own);
+) -> Vec<Option<Shown>> {
+    let samples: Vec<Vec<DepthSample>> = things.par_iter().map(|thing| samples(view, thing)).collect();
     let width = view.pinhole.width;
-    let mut inverse_depths = vec![0.0; view.pinhole.num_pixels()];
-    for (pixel, inverse) in outline.pixels(width).zip(continued(outline.size(), &outline.inside(width, &own), 0.0)) {
-        inverse_depths[pixel] = inverse;
-    }
-    let pixels = Pixels::of(view, sheet, thing, &outline, &inverse_depths, sources);
-    let near = Nearest::of(view, &own, still, all, thing, &outline);
-    let shows = |&pixel: &usize| {
-        !is_ignored(view, pixel)
-            && sheet.trust[pixel] != Trust::OwnVehicle
-            && pixels.advantage(view, &outline, pixel) + near.prior(&outline, pixel, width) > 0.0
+    let shown = |(k, &thing): (usize, &&Thing)| {
+        let own = &samples[k];
+        if own.len() < FEWEST {
+            return None;
+        }
+        let outline = Outline::of(view, own);
+        let inverse_depths = continued(outline.size(), &outline.inside(width, own), 0.0);
+        let pixels = Pixels::of(view, sheet, thing, &outline, &inverse_depths, sources);
+        let others = samples.iter().enumerate().filter(|&(other, _)| other != k).flat_map(|(_, samples)| samples);
+        let near = Nearest::of(&outline, width, own, others.chain(still));
+        let shows = |&(pixel, _): &(usize, f32)| {
+            !is_ignored(view, pixel)
+                && sheet.trust[pixel] != Trust::OwnVehicle
+                && pixels.advantage(view, &outline, pixel) + near.prior(&outline, pixel, width) > 0.0
+        };
+        let pixels = outline.pixels(width).zip(&inverse_depths).map(|(pixel, &inverse)| (pixel, inverse));
+        Some(Shown { pixels: pixels.filter(shows).collect(), rows: outline.rows })
     };
-    let shown: Vec<usize> = outline.pixels(width).filter(shows).collect();
-    let mut trust = vec![Trust::Unknown; sheet.trust.len()];
-    for pixel in shown {
-        trust[pixel] = Trust::Alone;
-        sheet.trust[pixel] = Trust::Unknown;
-    }
-    Some(Sheet { inverse_depths, trust })
+    things.par_iter().enumerate().map(shown).collect()
+}
+
+/// Appends Gaussians of a thing that an image asked for, by their raw attributes.
+pub(super) fn append(set: &mut GaussianSet, view: &View, thing: &Thing, rows: &[[f32; NUM_ATTRIBUTES]]) {
+    let gaussian = |&attributes: &[f32; NUM_ATTRIBUTES]| {
+        let mean = mean_of(&attributes);
+        let time = view.pinhole.exposed_at(mean);
+        let velocity = thing.velocity_of(mean, time - thing.time);
+        Gaussian { attributes, time, frame: thing.flow.frame, velocity }
+    };
+    let gaussians: Vec<Gaussian> = rows.par_iter().with_min_len(GRAIN).map(gaussian).collect();
+    gaussians.into_iter().for_each(|gaussian| set.push(gaussian));
 }
 
 /// Where the returns of a thing are in an image, at its moment.
 fn samples(view: &View, thing: &Thing) -> Vec<DepthSample> {
     let moving = |&(place, time): &([f32; 3], f32)| (place, thing.flow.at(place), time);
-    samples_of(thing.returns.iter().map(moving), &view.pinhole)
+    samples_of(thing.returns.par_iter().map(moving), &view.pinhole)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Sheet, Thing, Trust, sheet};
+    use super::{Sheet, Thing, Trust, shown};
     use crate::{
         gaussians::motion::Flow,
         views::{
@@ -156,24 +181,20 @@ mod tests {
         let flow = Flow { frame: 0, rows: [[0.0, 0.0, 0.0, metres / 0.2], [0.0; 4], [0.0; 4]] };
         let thing = Thing { flow, time: 0.0, returns: lower.step_by(5).map(place).collect() };
         let count = SIZE[0] * SIZE[1];
-        let mut wall = Sheet { inverse_depths: vec![1.0 / 40.0; count], trust: vec![Trust::Alone; count] };
-        let all = [thing];
-        let found = sheet(&first, &mut wall, &[], &all[0], &all, &[&second]).unwrap();
+        let wall = Sheet { inverse_depths: vec![1.0 / 40.0; count], trust: vec![Trust::Alone; count] };
+        let found = shown(&first, &wall, &[], &[&thing], &[&second]).remove(0).unwrap();
+        assert!(found.pixels.iter().all(|(pixel, _)| found.rows.contains(&(pixel / SIZE[0]))));
+        let inverse = |pixel: usize| found.pixels.iter().find(|at| at.0 == pixel).map(|at| at.1);
         let share = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
             let pixels: Vec<usize> =
                 rows.flat_map(|row| columns.clone().map(move |column| row * SIZE[0] + column)).collect();
-            let moves = pixels.iter().filter(|&&pixel| found.trust[pixel] == Trust::Alone).count();
-            assert!(
-                pixels
-                    .iter()
-                    .all(|&pixel| (found.trust[pixel] == Trust::Alone) == (wall.trust[pixel] == Trust::Unknown))
-            );
+            let moves = pixels.iter().filter(|&&pixel| inverse(pixel).is_some()).count();
             moves as f32 / pixels.len() as f32
         };
         assert!(share(25..35, 31..59) > 0.95, "where returns are");
         assert!(share(18..23, 31..59) > 0.9, "above them");
         assert!(share(0..10, 0..96) < 0.05 && share(12..36, 68..96) < 0.05, "the wall");
-        let depth = found.inverse_depths[18 * SIZE[0] + 45];
+        let depth = inverse(18 * SIZE[0] + 45).unwrap();
         assert!((depth - 0.1).abs() < 0.01, "{depth}");
     }
 
@@ -183,9 +204,7 @@ mod tests {
         let flow = Flow { frame: 0, rows: [[0.0, 0.0, 0.0, 1.0], [0.0; 4], [0.0; 4]] };
         let thing = Thing { flow, time: 0.0, returns: vec![([0.0, 0.0, -5.0], 0.0); 20] };
         let count = SIZE[0] * SIZE[1];
-        let mut wall = Sheet { inverse_depths: vec![0.1; count], trust: vec![Trust::Alone; count] };
-        let before = wall.clone();
-        assert!(sheet(&view, &mut wall, &[], &thing, std::slice::from_ref(&thing), &[]).is_none());
-        assert_eq!(wall, before);
+        let wall = Sheet { inverse_depths: vec![0.1; count], trust: vec![Trust::Alone; count] };
+        assert!(shown(&view, &wall, &[], &[&thing], &[])[0].is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! Whether a pixel is nearer to the returns of a moving thing or to those of all else.
 
-use super::{Thing, outline::Outline, samples};
-use crate::views::{DepthSample, View};
+use super::outline::Outline;
+use crate::views::DepthSample;
 
 /// What the nearest returns count, beside colours.
 const RETURNS: f32 = 0.05;
@@ -15,24 +15,18 @@ pub(super) struct Nearest {
 }
 
 impl Nearest {
-    /// Those of the pixels of an outline. `own` and `still`: where the returns of the thing and of what stands are in the image.
-    pub(super) fn of(
-        view: &View,
-        own: &[DepthSample],
-        still: &[DepthSample],
-        all: &[Thing],
-        thing: &Thing,
+    /// Those of the pixels of an outline in an image of a width. `own` and `others`: where the returns of the thing and of all else are in it.
+    pub(super) fn of<'a>(
         outline: &Outline,
+        width: usize,
+        own: &[DepthSample],
+        others: impl Iterator<Item = &'a DepthSample> + Send,
     ) -> Self {
-        let width = view.pinhole.width;
-        let mut theirs: Vec<bool> = vec![false; view.pinhole.num_pixels()];
-        let others = all.iter().filter(|other| other.flow.frame == thing.flow.frame && !std::ptr::eq(*other, thing));
-        let moving = others.flat_map(|other| samples(view, other));
-        moving.chain(still.iter().copied()).for_each(|sample| theirs[sample.pixel as usize] = true);
-        let mut mine = vec![false; theirs.len()];
-        own.iter().for_each(|sample| mine[sample.pixel as usize] = true);
-        let distances = |seeds: &[bool]| distances(outline, width, seeds);
-        Self { own: distances(&mine), other: distances(&theirs) }
+        let (own, other) = rayon::join(
+            || distances(outline, &outline.marked(width, own.iter())),
+            || distances(outline, &outline.marked(width, others)),
+        );
+        Self { own, other }
     }
 
     /// What the nearest returns say, in units of a difference of colours.
@@ -45,9 +39,8 @@ impl Nearest {
 }
 
 /// The distance of each pixel of an outline from the nearest seed in it, pixels: a chamfer distance in two passes.
-fn distances(outline: &Outline, width: usize, seeds: &[bool]) -> Vec<f32> {
-    let mut found: Vec<f32> =
-        outline.pixels(width).map(|pixel| if seeds[pixel] { 0.0 } else { f32::INFINITY }).collect();
+fn distances(outline: &Outline, seeds: &[bool]) -> Vec<f32> {
+    let mut found: Vec<f32> = seeds.iter().map(|&seed| if seed { 0.0 } else { f32::INFINITY }).collect();
     let (columns, rows) = (outline.columns.len(), outline.rows.len());
     let diagonal = std::f32::consts::SQRT_2;
     for forward in [true, false] {

@@ -1,11 +1,15 @@
 //! Where in an image the pixels of a moving thing may be.
 
 use lgs_formats::casts::whole;
+use rayon::prelude::*;
 
 use crate::views::{DepthSample, View};
 
 /// How far beside, above and below its returns a thing may reach, shares of their width and height in the image.
 const BEYOND: [f32; 3] = [0.15, 0.5, 0.2];
+
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 256;
 
 /// The rectangle in which a thing's pixels are looked for.
 #[derive(Clone, Debug)]
@@ -34,9 +38,23 @@ impl Outline {
         }
     }
 
-    pub(super) fn pixels(&self, width: usize) -> impl Iterator<Item = usize> + use<> {
-        let columns = self.columns.clone();
-        self.rows.clone().flat_map(move |row| columns.clone().map(move |column| row * width + column))
+    /// Row-major indices of its pixels in an image of this width.
+    pub(super) fn pixels(&self, width: usize) -> impl IndexedParallelIterator<Item = usize> {
+        let (columns, corner) = (self.columns.len(), self.rows.start * width + self.columns.start);
+        let pixel = move |index: usize| corner + index / columns * width + index % columns;
+        (0..columns * self.rows.len()).into_par_iter().with_min_len(GRAIN).map(pixel)
+    }
+
+    /// Which of its pixels samples of an image of a width fall on.
+    pub(super) fn marked<'a>(&self, width: usize, samples: impl Iterator<Item = &'a DepthSample>) -> Vec<bool> {
+        let mut marked = vec![false; self.columns.len() * self.rows.len()];
+        for &DepthSample { pixel, .. } in samples {
+            let (row, column) = (pixel as usize / width, pixel as usize % width);
+            if self.rows.contains(&row) && self.columns.contains(&column) {
+                marked[self.index(row, column)] = true;
+            }
+        }
+        marked
     }
 
     /// Width and height, pixels.

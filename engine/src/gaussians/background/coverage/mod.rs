@@ -1,8 +1,11 @@
 //! How much of a view a set of Gaussians covers, whatever their order.
 
+mod drawn;
+
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
+use self::drawn::Drawn;
 use crate::{
     gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, NUM_ATTRIBUTES, QUAT, disc::BLUR, mean_of, physical::sigmoid},
     views::PinholeView,
@@ -17,6 +20,10 @@ const JACOBIAN_MARGIN: f32 = 0.3;
 const SHOWS: f32 = 0.3;
 /// Logarithm of a transmittance that is surely below [`SHOWS`], by more than rounding: nothing that is added brings it back.
 const SURELY_COVERED: f32 = -1.21;
+/// Shapes that are projected before they are added, and how many of them a thread projects at once.
+const PROJECTED: (usize, usize) = (1 << 15, 512);
+/// Rows of pixels that a thread adds to at once.
+const BAND: usize = 32;
 
 /// Transmittance of a view's pixels through everything that was added, as its logarithm.
 #[derive(Clone, Debug)]
@@ -38,46 +45,17 @@ impl Coverage {
         self.log_transmittance[pixel].exp() >= SHOWS
     }
 
-    /// Adds Gaussians.
+    /// Adds Gaussians, to every pixel in their order.
     pub(super) fn add(&mut self, view: &PinholeView, shapes: &[Shape]) {
-        let camera = Camera::new(view);
-        for shape in shapes {
-            if let Some(ellipse) = camera.ellipse(shape) {
-                self.splat(ellipse, shape);
+        let (camera, size) = (Camera::new(view), [self.width, self.height]);
+        let drawn = |shape| Drawn::new(camera.ellipse(shape)?, shape, size);
+        for some in shapes.chunks(PROJECTED.0) {
+            let drawn: Vec<Drawn> = some.par_iter().with_min_len(PROJECTED.1).filter_map(drawn).collect();
+            if drawn.is_empty() {
+                continue;
             }
-        }
-    }
-
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image before the cast")]
-    fn splat(&mut self, Ellipse { centre: [u, v], covariance: [xx, xy, yy] }: Ellipse, shape: &Shape) {
-        let reach = 2.0 * shape.log_opacity; // square of the radius, standard deviations
-        let determinant = xx * yy - xy * xy;
-        let sound = reach > 0.0 && determinant > 0.0 && determinant.is_finite();
-        if !sound {
-            return;
-        }
-        let range = |centre: f32, radius: f32, size: usize| {
-            let low = (centre - radius - 0.5).ceil().clamp(0.0, size as f32) as usize;
-            let high = (centre + radius + 0.5).floor().clamp(0.0, size as f32) as usize;
-            low..high
-        };
-        if range(u, (reach * xx).sqrt(), self.width).is_empty() {
-            return;
-        }
-        // Along a row at height y the exponent is (x - shear y)^2 / narrow + y^2 / yy.
-        let (shear, narrow) = (xy / yy, determinant / yy);
-        for row in range(v, (reach * yy).sqrt(), self.height) {
-            let y = row as f32 + 0.5 - v;
-            let (middle, along) = (u + shear * y, y * y / yy);
-            let columns = range(middle, ((reach - along).max(0.0) * narrow).sqrt(), self.width);
-            let line = &mut self.log_transmittance[row * self.width..(row + 1) * self.width];
-            for (column, cell) in columns.clone().zip(&mut line[columns]) {
-                let x = column as f32 + 0.5 - middle;
-                let q = x * x / narrow + along;
-                if q < reach && *cell > SURELY_COVERED {
-                    *cell += (1.0 - (shape.opacity * (-0.5 * q).exp()).min(0.999)).ln();
-                }
-            }
+            let bands = self.log_transmittance.par_chunks_mut((BAND * self.width).max(1)).enumerate();
+            bands.for_each(|(k, band)| drawn.iter().for_each(|drawn| drawn.add(band, k * BAND, self.width)));
         }
     }
 }

@@ -1,5 +1,12 @@
 //! Pixels that show nearly the same, together: the uncovered pixels of a view as rectangles of one colour and one plane each.
 
+mod search;
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use self::search::Search;
 use super::{Sheet, is_ignored};
 use crate::{
     gaussians::{Coarseness, disc::Plane},
@@ -42,6 +49,9 @@ const COLOUR: f32 = 0.015;
 /// Inverse depths may be away from the plane through all of them by this share, and by so much more, 1 / metres.
 const DEPTH: [f32; 2] = [0.1, 0.001];
 
+/// Pixels that a thread looks at at once.
+const GRAIN: usize = 4096;
+
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Block {
@@ -81,42 +91,32 @@ impl Block {
 /// Large ones are taken first, wherever they fit: they begin at no fixed grid, so that an edge of the scene costs as many small ones
 /// wherever it lies.
 ///
-/// # Shapes
-/// `open` `[H, W]`.
-pub(super) fn blocks(view: &View, sheet: &Sheet, open: &[bool], coarseness: Coarseness) -> Vec<Block> {
+/// `open`: whether the pixel of an index is, in these rows of the image; none is in the others.
+pub(super) fn blocks(
+    view: &View,
+    sheet: &Sheet,
+    (band, open): (Range<usize>, impl Fn(usize) -> bool + Sync),
+    coarseness: Coarseness,
+) -> Vec<Block> {
     let [width, height] = [view.pinhole.width, view.pinhole.height];
-    let known = |pixel: usize| open[pixel] && sheet.inverse_depths[pixel] > 0.0 && !is_ignored(view, pixel);
-    let mut left: Vec<bool> = (0..open.len()).map(known).collect();
-    let mut left_in_row: Vec<usize> = left.chunks(width.max(1)).map(|row| row.iter().filter(|&&l| l).count()).collect();
-    let mut found = Vec::new();
-    for size in SHAPES {
-        let [columns, rows] = size;
-        if columns.max(rows) as f32 > coarseness.most(LONGEST) || columns > width || rows > height {
-            continue;
-        }
-        // Steps of half a side: finer ones find hardly more.
-        for row in (0..=height - rows).step_by((rows / 2).max(1)) {
-            let mut column = 0;
-            while column <= width - columns && left_in_row[row] >= columns {
-                let block = Block::new([column, row], size);
-                let free = block.pixels(width).all(|pixel| left[pixel]);
-                column += match free.then(|| fitted(view, sheet, block, coarseness)).flatten() {
-                    Some(block) => {
-                        block.pixels(width).for_each(|pixel| left[pixel] = false);
-                        left_in_row[row..row + rows].iter_mut().for_each(|count| *count -= columns);
-                        found.push(block);
-                        columns
-                    }
-                    None => (columns / 2).max(1),
-                };
-            }
-        }
-    }
+    let known = |pixel: usize| open(pixel) && sheet.inverse_depths[pixel] > 0.0 && !is_ignored(view, pixel);
+    let inside = band.start * width..band.end * width;
+    let mut left = vec![false; view.pinhole.num_pixels()];
+    let cells = left[inside.clone()].par_iter_mut().zip(inside.clone()).with_min_len(GRAIN);
+    cells.for_each(|(left, pixel)| *left = known(pixel));
+    let mut counts = vec![0; height];
+    let rows = counts.par_iter_mut().zip(left.par_chunks(width.max(1)));
+    rows.for_each(|(count, row)| *count = row.iter().filter(|&&left| left).count());
+    let fits = |&[columns, rows]: &[usize; 2]| {
+        columns.max(rows) as f32 <= coarseness.most(LONGEST) && columns <= width && rows <= height
+    };
+    let shapes: Vec<[usize; 2]> = SHAPES.into_iter().filter(fits).collect();
+    let mut found = Search { view, sheet, coarseness, shapes }.found(&mut left, &mut counts);
     let alone = |pixel: usize| {
         let plane = Plane { at: sheet.inverse_depths[pixel], by_column: 0.0, by_row: 0.0 };
         Block { plane, ..Block::new([pixel % width, pixel / width], [1, 1]) }
     };
-    found.extend((0..left.len()).filter(|&pixel| left[pixel]).map(alone));
+    found.extend(inside.filter(|&pixel| left[pixel]).map(alone));
     found
 }
 
@@ -193,7 +193,7 @@ mod tests {
     }
 
     fn usual((view, sheet): &(View, Sheet)) -> Vec<Block> {
-        blocks(view, sheet, &vec![true; SIZE[0] * SIZE[1]], Coarseness::default())
+        blocks(view, sheet, (0..SIZE[1], |_| true), Coarseness::default())
     }
 
     #[test]
@@ -204,7 +204,7 @@ mod tests {
         let open: Vec<bool> = (0..SIZE[0] * SIZE[1]).map(|pixel| pixel % 11 != 3).collect();
         for factor in [0.0, 0.5, 1.0, 8.0] {
             let mut counts = vec![0; open.len()];
-            for block in blocks(&view, &sheet, &open, Coarseness::new(factor).unwrap()) {
+            for block in blocks(&view, &sheet, (0..SIZE[1], |pixel| open[pixel]), Coarseness::new(factor).unwrap()) {
                 block.pixels(SIZE[0]).for_each(|pixel| counts[pixel] += 1);
             }
             for (pixel, (&count, &open)) in counts.iter().zip(&open).enumerate() {
@@ -216,10 +216,10 @@ mod tests {
     #[test]
     fn the_finest_are_single_pixels_and_a_plain_wall_takes_few() {
         let wall = scene(|_, _| (0.5, 0.1));
-        let open = vec![true; SIZE[0] * SIZE[1]];
-        assert_eq!(blocks(&wall.0, &wall.1, &open, Coarseness::FINEST).len(), open.len());
-        let [usual, coarse] = [1.0, 3.0].map(|f| blocks(&wall.0, &wall.1, &open, Coarseness::new(f).unwrap()).len());
-        assert!(usual < open.len() / 30 && coarse < usual, "{usual} {coarse}");
+        let count = |coarseness| blocks(&wall.0, &wall.1, (0..SIZE[1], |_| true), coarseness).len();
+        assert_eq!(count(Coarseness::FINEST), SIZE[0] * SIZE[1]);
+        let [usual, coarse] = [1.0, 3.0].map(|factor| count(Coarseness::new(factor).unwrap()));
+        assert!(usual < SIZE[0] * SIZE[1] / 30 && coarse < usual, "{usual} {coarse}");
     }
 
     #[test]
