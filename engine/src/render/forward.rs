@@ -20,13 +20,16 @@ const CHECK_EVERY: usize = 16;
 
 /// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`. A Gaussian that would bring the transmittance to `opaque` or below ends the pixel.
 pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
-    let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
-    tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
+    let composited = |tile: usize| {
+        let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
         let (intersections, origin) = (lists.intersections_of(tile), lists.grid.origin(tile));
-        arch.dispatch(CompositeTile { footprints: &lists.footprints, intersections, origin, planes, opaque });
-    });
-    tiles
+        let (footprints, drawn) = (&lists.footprints, &mut planes);
+        arch.dispatch(CompositeTile { footprints, intersections, origin, planes: drawn, opaque });
+        planes
+    };
+    let tiles: Vec<[f32; PLANES * TILE_PIXELS]> = (0..lists.grid.num_tiles()).into_par_iter().map(composited).collect();
+    tiles.into_flattened()
 }
 
 /// One tile to composite.
