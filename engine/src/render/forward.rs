@@ -20,16 +20,13 @@ const CHECK_EVERY: usize = 16;
 
 /// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`. A Gaussian that would bring the transmittance to `opaque` or below ends the pixel.
 pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
+    let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
-    let composited = |tile: usize| {
-        let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
+    tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
         let (intersections, origin) = (lists.intersections_of(tile), lists.grid.origin(tile));
-        let (footprints, drawn) = (&lists.footprints, &mut planes);
-        arch.dispatch(CompositeTile { footprints, intersections, origin, planes: drawn, opaque });
-        planes
-    };
-    let tiles: Vec<[f32; PLANES * TILE_PIXELS]> = (0..lists.grid.num_tiles()).into_par_iter().map(composited).collect();
-    tiles.into_flattened()
+        arch.dispatch(CompositeTile { footprints: &lists.footprints, intersections, origin, planes, opaque });
+    });
+    tiles
 }
 
 /// One tile to composite.

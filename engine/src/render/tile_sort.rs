@@ -5,28 +5,28 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 
-use super::tiles::{CHUNK, TileGrid};
-
+/// Elements that a thread takes at once.
+pub(super) const CHUNK: usize = 4096;
 /// Runs of Gaussians that each thread sorts.
 const RUNS: usize = 2;
 
 /// Stable counting sort of the intersections by tile, a run of Gaussians after the other, all runs at once.
-pub(super) fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, grid: TileGrid) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
+pub(super) fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, num_tiles: usize) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
     let mut places_of_splats = tiles;
     let mut runs = Run::all(first_of_splat, &mut places_of_splats);
     let mut counts: Vec<Vec<u32>> = runs
         .par_iter()
         .map(|run| {
-            let mut counts = vec![0_u32; grid.num_tiles()];
+            let mut counts = vec![0_u32; num_tiles];
             run.tiles.iter().for_each(|&tile| counts[tile as usize] += 1);
             counts
         })
         .collect();
-    let mut first_of_tile = vec![0_u32; grid.num_tiles() + 1];
+    let mut first_of_tile = vec![0_u32; num_tiles + 1];
     for counts in &counts {
         first_of_tile[1..].iter_mut().zip(counts).for_each(|(total, count)| *total += count);
     }
-    for t in 0..grid.num_tiles() {
+    for t in 0..num_tiles {
         first_of_tile[t + 1] += first_of_tile[t];
     }
     // Of each run, where its first intersection of each tile goes.

@@ -7,12 +7,9 @@ use rayon::prelude::*;
 
 use super::constants::{TILE_HEIGHT, TILE_WIDTH};
 use super::project::{Footprint, Projector};
-use super::tile_sort::by_tile;
+use super::tile_sort::{CHUNK, by_tile};
 use crate::gaussians::physical::Splat;
 use crate::views::PinholeView;
-
-/// Gaussians that one parallel piece of work takes: fixed, so that results do not depend on the number of threads.
-pub(super) const CHUNK: usize = 4096;
 
 /// The tile grid of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +64,7 @@ pub(super) fn bin(
     view: &PinholeView,
 ) -> TileLists {
     let grid = TileGrid::of(view);
-    let (first_of_tile, places_of_splats, intersections) = by_tile(&first_of_splat, tiles, grid);
+    let (first_of_tile, places_of_splats, intersections) = by_tile(&first_of_splat, tiles, grid.num_tiles());
     TileLists { grid, footprints, first_of_splat, places_of_splats, first_of_tile, intersections }
 }
 

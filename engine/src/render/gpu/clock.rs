@@ -1,10 +1,10 @@
 //! What each kernel of a work takes, by the GPU's own clock.
 
-use wgpu::{Buffer, BufferUsages, ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType};
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor, QueryType,
+};
 
 use super::device::Gpu;
-use super::error::GpuError;
-use super::work::Work;
 
 /// Dispatches that are timed; those that follow are not.
 const MOST: u32 = wgpu::QUERY_SET_MAX_QUERIES / 2;
@@ -36,42 +36,31 @@ impl Clock {
             end_of_pass_write_index: Some(2 * number + 1),
         })
     }
-}
 
-impl Work<'_> {
-    /// Seconds of every kernel since the clock was set, in the order of their first dispatch; empty where the GPU has no clock.
-    ///
-    /// # Errors
-    /// Where the GPU has stopped.
-    pub(super) fn stop_clock(&mut self) -> Result<Vec<(&'static str, f64)>, GpuError> {
-        let Some(clock) = self.clock.take().filter(|clock| !clock.names.is_empty()) else { return Ok(Vec::new()) };
-        let num_ticks = 2 * clock.names.len();
-        let ticks = self.timed(&clock.queries, num_ticks)?;
-        let period = f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9;
+    /// Asks for the ticks, two of each dispatch, and in which buffer they will be.
+    pub(super) fn resolve(&self, gpu: &Gpu, encoder: &mut CommandEncoder) -> (Buffer, usize) {
+        let ticks = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("ticks"),
+            size: u64::from(2 * MOST) * size_of::<u64>() as u64,
+            usage: BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        let len = 2 * self.names.len();
+        encoder.resolve_query_set(&self.queries, 0..u32::try_from(len).unwrap_or(2 * MOST), &ticks, 0);
+        (ticks, len)
+    }
+
+    /// Seconds of every kernel, in the order of their first dispatch, from the ticks.
+    pub(super) fn seconds(&self, gpu: &Gpu, ticks: &[u64]) -> Vec<(&'static str, f64)> {
+        let period = f64::from(gpu.queue.get_timestamp_period()) * 1e-9;
         let mut seconds: Vec<(&'static str, f64)> = Vec::new();
-        for (&name, pair) in clock.names.iter().zip(ticks.as_chunks::<2>().0) {
+        for (&name, pair) in self.names.iter().zip(ticks.as_chunks::<2>().0) {
             let taken = pair[1].saturating_sub(pair[0]) as f64 * period;
             match seconds.iter_mut().find(|(known, _)| *known == name) {
                 Some((_, sum)) => *sum += taken,
                 None => seconds.push((name, taken)),
             }
         }
-        Ok(seconds)
-    }
-
-    fn timed(&mut self, queries: &QuerySet, len: usize) -> Result<Vec<u64>, GpuError> {
-        let ticks = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("ticks"),
-            size: u64::from(2 * MOST) * size_of::<u64>() as u64,
-            usage: BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        self.resolve(queries, len, &ticks);
-        self.read(&ticks, 0, len)
-    }
-
-    fn resolve(&mut self, queries: &QuerySet, len: usize, to: &Buffer) {
-        let last = u32::try_from(len).unwrap_or(2 * MOST);
-        self.encoder().resolve_query_set(queries, 0..last, to, 0);
+        seconds
     }
 }
