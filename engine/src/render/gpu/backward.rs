@@ -12,10 +12,11 @@ use super::error::GpuError;
 use super::forward::Drawn;
 use super::kernels::{Kernel, MAPPED, ROW, SEEN, SUMS, count};
 use super::project::{PROJECTION, SceneBuffers};
+use super::walk::{WALK, WALK_BACK};
 use super::work::{Work, groups_over};
 use crate::gaussians::physical::SplatGradient;
 
-const UNCOMPOSITE: &[&str] = &[include_str!("backward.wgsl")];
+const UNCOMPOSITE: &[&str] = &[WALK, WALK_BACK, include_str!("backward.wgsl")];
 const UNCOMPOSITE_64: Kernel =
     Kernel { name: "uncomposite 64", entry: "uncomposite", sources: UNCOMPOSITE, constants: || count("THREADS", 64) };
 const UNCOMPOSITE_128: Kernel =
@@ -29,16 +30,6 @@ const PROJECT_BACK: Kernel = Kernel::new("project_back", BACK);
 const SUMS_NAME: &str = "sums of intersections";
 /// Bytes of an intersection's sums.
 const SUMS_BYTES: u64 = (SUMS * size_of::<f32>()) as u64;
-
-/// What going back over tiles is told.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Uncomposite {
-    size: [u32; 4],
-    background: [f32; 4],
-    /// First tile, tiles and first place.
-    batch: [u32; 4],
-}
 
 /// What the sums of a batch are told.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -93,12 +84,7 @@ impl Work<'_> {
         let lists = &drawn.lists;
         let over_visible = groups_over(drawn.num_visible);
         for (number, Batch { tiles, places }) in batches.iter().enumerate() {
-            let [r, g, b] = drawn.background;
-            let told = self.tell(&Uncomposite {
-                size: [drawn.size[0], drawn.size[1], drawn.columns, lists.num_tiles],
-                background: [r, g, b, 0.0],
-                batch: [tiles.start, tiles.end - tiles.start, places.start, 0],
-            });
+            let told = self.tell(&drawn.walk_back(tiles, places.start));
             let bindings = [
                 (1, &drawn.footprints),
                 (2, &lists.first_of_tile),

@@ -2,21 +2,6 @@
 // before the sums go through memory that they share; the more, the more of the GPU works where there are few tiles. Every intersection has a place
 // of its own for its sums.
 
-struct Composite {
-    // Width, height, columns of tiles, tiles.
-    size: vec4<u32>,
-    // Colour behind all.
-    background: vec4<f32>,
-    // First tile, tiles and first place of this batch.
-    batch: vec4<u32>,
-}
-
-@group(0) @binding(0) var<uniform> drawing: Composite;
-@group(0) @binding(1) var<storage, read> footprints: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> lists: array<u32>; // first intersection of each tile, [tiles + 1]
-@group(0) @binding(3) var<storage, read> intersections: array<u32>;
-@group(0) @binding(4) var<storage, read> image: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> ends: array<vec2<f32>>;
 // [H, W, 4]: by the colours and the expected depth; by accumulated alpha and depth, and two maps.
 @group(0) @binding(6) var<storage, read> gradients: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> sums: array<f32>; // [places, SUMS]
@@ -30,10 +15,8 @@ const TOGETHER: u32 = 4u / PARTS;
 // A column more than threads of a part, so that those that sum read from different banks.
 const STRIDE: u32 = 65u;
 
-var<workgroup> held: array<vec4<f32>, 192>;
 var<workgroup> parts: array<f32, TOGETHER * PARTS * SUMS * STRIDE>;
 var<workgroup> of_parts: array<f32, 4u * SUMS>;
-var<workgroup> last: u32;
 
 @compute @workgroup_size(THREADS)
 fn uncomposite(
@@ -41,9 +24,8 @@ fn uncomposite(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let number = linear(group, groups);
-    let tile = drawing.batch.x + min(number, drawing.batch.y - 1u);
-    let corner = vec2<u32>(tile % drawing.size.z * TILE_WIDTH, tile / drawing.size.z * TILE_HEIGHT);
+    let tile = tile_of(linear(group, groups));
+    let corner = corner_of(tile);
     let column = local % TILE_WIDTH;
     let top = local / TILE_WIDTH;
     let x = f32(corner.x + column) + 0.5;
@@ -60,8 +42,8 @@ fn uncomposite(
         transmittance[k] = 1.0;
         stop[k] = 0.0;
         let y = corner.y + top + k * ROWS;
-        if (corner.x + column < drawing.size.x && y < drawing.size.y) {
-            let pixel = y * drawing.size.x + corner.x + column;
+        if (corner.x + column < walk.size.x && y < walk.size.y) {
+            let pixel = y * walk.size.x + corner.x + column;
             let by_image = gradients[2u * pixel];
             let by_rest = gradients[2u * pixel + 1u];
             let t = ends[pixel].x;
@@ -76,7 +58,7 @@ fn uncomposite(
             }
             v[k] = vec4<f32>(by_image.xyz, v_depth);
             maps[k] = by_rest.zw;
-            behind[k] = t * (dot(drawing.background.xyz, by_image.xyz) - v_alpha);
+            behind[k] = t * (dot(walk.background.xyz, by_image.xyz) - v_alpha);
             transmittance[k] = t;
             stop[k] = ends[pixel].y;
             farthest = max(farthest, stop[k]);
@@ -88,24 +70,21 @@ fn uncomposite(
         for (var i = 1u; i < THREADS; i += 1u) {
             farthest = max(farthest, parts[i]);
         }
-        last = u32(min(farthest, 4294967040.0));
+        last = position(farthest);
     }
     let bound = workgroupUniformLoad(&last);
-    let start = lists[tile];
-    let length = lists[tile + 1u] - start;
+    let start = first_of_tile[tile];
+    let length = first_of_tile[tile + 1u] - start;
     let used = min(length, bound);
     // Behind the last Gaussian that any pixel shows there is nothing to sum.
     for (var at = SUMS * used + local; at < SUMS * length; at += THREADS) {
-        sums[(start - drawing.batch.z) * SUMS + at] = 0.0;
+        sums[(start - walk.batch.z) * SUMS + at] = 0.0;
     }
-    for (var rest = used; rest > 0u; rest -= min(rest, 64u)) {
-        let count = min(rest, 64u);
+    for (var rest = used; rest > 0u; rest -= min(rest, HELD)) {
+        let count = min(rest, HELD);
         let base = rest - count;
         if (local < count) {
-            let i = intersections[start + base + local];
-            held[3u * local] = footprints[4u * i];
-            held[3u * local + 1u] = footprints[4u * i + 1u];
-            held[3u * local + 2u] = footprints[4u * i + 2u];
+            hold(start + base + local, local);
         }
         workgroupBarrier();
         for (var done = 0u; done < count; done += TOGETHER) {
@@ -115,13 +94,13 @@ fn uncomposite(
                 let first = held[3u * j];
                 let second = held[3u * j + 1u];
                 let third = held[3u * j + 2u];
-                let position = f32(base + j);
+                let nth = f32(base + j);
                 var s0 = vec4<f32>(0.0);
                 var s1 = vec4<f32>(0.0);
                 var s2 = vec4<f32>(0.0);
                 for (var k = 0u; k < PIXELS; k += 1u) {
                     let dy = f32(corner.y + top + k * ROWS) + 0.5 - first.y;
-                    if (abs(dy) > second.w || !(position < stop[k])) {
+                    if (abs(dy) > second.w || !(nth < stop[k])) {
                         continue;
                     }
                     let u = (x - first.x) - first.z * dy;
@@ -172,7 +151,7 @@ fn uncomposite(
                 }
             }
             if (local < some * SUMS) {
-                let place = start + base + count - 1u - done - local / SUMS - drawing.batch.z;
+                let place = start + base + count - 1u - done - local / SUMS - walk.batch.z;
                 sums[place * SUMS + local % SUMS] = total;
             }
             workgroupBarrier();

@@ -1,14 +1,14 @@
 //! What taking out each Gaussian does to what a view costs, as [`effects`](super::super::effects) has it, but for halves.
 
-use bytemuck::{Pod, Zeroable};
 use wgpu::Buffer;
 
 use super::error::GpuError;
 use super::forward::Drawn;
 use super::kernels::Kernel;
+use super::walk::{WALK, WALK_BACK, Walk};
 use super::work::{Work, groups_over};
 
-const TAKE_OUT: Kernel = Kernel::new("take_out", &[include_str!("effects.wgsl")]);
+const TAKE_OUT: Kernel = Kernel::new("take_out", &[WALK, WALK_BACK, include_str!("effects.wgsl")]);
 const SUM_EFFECTS: Kernel = Kernel::new("sum_effects", &[include_str!("effects_sum.wgsl")]);
 
 const SUMS_NAME: &str = "effects of intersections";
@@ -26,17 +26,6 @@ pub(crate) struct ViewCosts<'a> {
     pub(crate) per: [f32; 3],
 }
 
-/// What going back over tiles is told.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Costs {
-    size: [u32; 4],
-    background: [f32; 4],
-    /// First tile, tiles and first place.
-    batch: [u32; 4],
-    per: [f32; 4],
-}
-
 impl Work<'_> {
     /// Adds what each Gaussian does to the costs of a view, drawn through what is opaque.
     ///
@@ -52,16 +41,10 @@ impl Work<'_> {
         effects: &Buffer,
     ) -> Result<(), GpuError> {
         let lists = &drawn.lists;
-        let ([r, g, b], [colour, square, depth]) = (drawn.background, per);
+        let per = [per[0], per[1], per[2], 0.0];
         for batch in self.batches(drawn, SUMS_NAME, SUMS_BYTES)? {
             let sums = self.buffer::<[f32; 4]>(SUMS_NAME, batch.places.len())?;
-            let num_tiles = batch.tiles.end - batch.tiles.start;
-            let told = self.tell(&Costs {
-                size: [drawn.size[0], drawn.size[1], drawn.columns, lists.num_tiles],
-                background: [r, g, b, 0.0],
-                batch: [batch.tiles.start, num_tiles, batch.places.start, 0],
-                per: [colour, square, depth, 0.0],
-            });
+            let told = self.tell(&Walk { per, ..drawn.walk_back(&batch.tiles, batch.places.start) });
             let bindings = [
                 (1, &drawn.footprints),
                 (2, &lists.first_of_tile),
@@ -72,7 +55,7 @@ impl Work<'_> {
                 (7, slopes),
                 (8, &sums),
             ];
-            self.run(&TAKE_OUT, &[&told], &bindings, num_tiles);
+            self.run(&TAKE_OUT, &[&told], &bindings, batch.tiles.end - batch.tiles.start);
             let told = self.tell(&[batch.places.start, batch.places.end - batch.places.start, drawn.num_visible, 0]);
             let bindings =
                 [(1, &lists.visible), (2, &lists.first_of_splat), (3, &lists.places), (4, &sums), (5, effects)];

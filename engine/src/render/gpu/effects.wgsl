@@ -1,23 +1,6 @@
 // What the costs of a view change by without each Gaussian, as `effects.rs` of the CPU's renderer says it: back to front, a tile by each group of 128
 // threads, four pixels by each. Every intersection has a place of its own for its sums.
 
-struct Costs {
-    // Width, height, columns of tiles, tiles.
-    size: vec4<u32>,
-    // Colour behind all.
-    background: vec4<f32>,
-    // First tile, tiles and first place of this batch.
-    batch: vec4<u32>,
-    // What an error of 1 costs: of a colour, of its square, of a depth.
-    per: vec4<f32>,
-}
-
-@group(0) @binding(0) var<uniform> costs: Costs;
-@group(0) @binding(1) var<storage, read> footprints: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> lists: array<u32>; // first intersection of each tile, [tiles + 1]
-@group(0) @binding(3) var<storage, read> intersections: array<u32>;
-@group(0) @binding(4) var<storage, read> image: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read> ends: array<vec2<f32>>;
 @group(0) @binding(6) var<storage, read> truth: array<vec4<f32>>; // colour; depth, 0 where none is known, -1 where the pixel is ignored
 @group(0) @binding(7) var<storage, read> slopes: array<vec4<f32>>; // [H, W, 2]: by the colours of the terms that count as linear, in the first
 @group(0) @binding(8) var<storage, read_write> sums: array<vec4<f32>>; // [places]: removal, shown, covered
@@ -35,9 +18,7 @@ struct Pixel {
     stop: f32,
 }
 
-var<workgroup> held: array<vec4<f32>, 192>;
 var<workgroup> parts: array<vec4<f32>, TOGETHER * 128u>;
-var<workgroup> last: u32;
 
 @compute @workgroup_size(128)
 fn take_out(
@@ -45,9 +26,8 @@ fn take_out(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let number = linear(group, groups);
-    let tile = costs.batch.x + min(number, costs.batch.y - 1u);
-    let corner = vec2<u32>(tile % costs.size.z * TILE_WIDTH, tile / costs.size.z * TILE_HEIGHT);
+    let tile = tile_of(linear(group, groups));
+    let corner = corner_of(tile);
     let column = corner.x + local % TILE_WIDTH;
     let top = corner.y + local / TILE_WIDTH;
     let x = f32(column) + 0.5;
@@ -60,14 +40,14 @@ fn take_out(
     var counted: array<f32, PIXELS>;
     var farthest = 0.0;
     for (var k = 0u; k < PIXELS; k += 1u) {
-        behind[k] = Pixel(costs.background.xyz, 0.0, 0.0, 1.0, 0.0);
+        behind[k] = Pixel(walk.background.xyz, 0.0, 0.0, 1.0, 0.0);
         residual[k] = vec3<f32>(0.0);
         slope[k] = vec3<f32>(0.0);
         deep[k] = vec4<f32>(0.0);
         counted[k] = 0.0;
         let row = top + k * ROWS;
-        if (column < costs.size.x && row < costs.size.y) {
-            let pixel = row * costs.size.x + column;
+        if (column < walk.size.x && row < walk.size.y) {
+            let pixel = row * walk.size.x + column;
             let drawn = image[pixel];
             let true_value = truth[pixel];
             behind[k].transmittance = ends[pixel].x;
@@ -89,24 +69,21 @@ fn take_out(
         for (var i = 1u; i < 128u; i += 1u) {
             farthest = max(farthest, parts[i].x);
         }
-        last = u32(min(farthest, 4294967040.0));
+        last = position(farthest);
     }
     let bound = workgroupUniformLoad(&last);
-    let start = lists[tile];
-    let length = lists[tile + 1u] - start;
+    let start = first_of_tile[tile];
+    let length = first_of_tile[tile + 1u] - start;
     let used = min(length, bound);
     // Behind the last Gaussian that any pixel shows there is nothing to sum.
     for (var at = used + local; at < length; at += 128u) {
-        sums[start - costs.batch.z + at] = vec4<f32>(0.0);
+        sums[start - walk.batch.z + at] = vec4<f32>(0.0);
     }
-    for (var rest = used; rest > 0u; rest -= min(rest, 64u)) {
-        let count = min(rest, 64u);
+    for (var rest = used; rest > 0u; rest -= min(rest, HELD)) {
+        let count = min(rest, HELD);
         let base = rest - count;
         if (local < count) {
-            let i = intersections[start + base + local];
-            held[3u * local] = footprints[4u * i];
-            held[3u * local + 1u] = footprints[4u * i + 1u];
-            held[3u * local + 2u] = footprints[4u * i + 2u];
+            hold(start + base + local, local);
         }
         workgroupBarrier();
         for (var done = 0u; done < count; done += TOGETHER) {
@@ -116,11 +93,11 @@ fn take_out(
                 let first = held[3u * j];
                 let second = held[3u * j + 1u];
                 let colour = held[3u * j + 2u].xyz;
-                let position = f32(base + j);
+                let nth = f32(base + j);
                 var sum = vec4<f32>(0.0);
                 for (var k = 0u; k < PIXELS; k += 1u) {
                     let dy = f32(top + k * ROWS) + 0.5 - first.y;
-                    if (abs(dy) > second.w || !(position < behind[k].stop)) {
+                    if (abs(dy) > second.w || !(nth < behind[k].stop)) {
                         continue;
                     }
                     let u = (x - first.x) - first.z * dy;
@@ -132,7 +109,7 @@ fn take_out(
                         let change = w * (behind[k].colour - colour);
                         let size = abs(residual[k] + change) - abs(residual[k]);
                         let square = (2.0 * residual[k] + change) * change;
-                        let by_colour = dot(vec3<f32>(costs.per.x), size) + dot(vec3<f32>(costs.per.y), square);
+                        let by_colour = dot(vec3<f32>(walk.per.x), size) + dot(vec3<f32>(walk.per.y), square);
                         var by_depth = 0.0;
                         if (deep[k].z > 0.0) {
                             let new_alpha = deep[k].y + w * (behind[k].alpha - 1.0);
@@ -141,7 +118,7 @@ fn take_out(
                             if (new_alpha > 0.5 * ALPHA_MIN) {
                                 expected = (deep[k].x + w * (behind[k].depth - second.z)) / new_alpha;
                             }
-                            by_depth = costs.per.z * (abs(expected - deep[k].z) - deep[k].w);
+                            by_depth = walk.per.z * (abs(expected - deep[k].z) - deep[k].w);
                         }
                         let removal = counted[k] * by_colour + dot(slope[k], change) + by_depth;
                         sum += vec4<f32>(removal, counted[k] * w, counted[k] * alpha, 0.0);
@@ -165,7 +142,7 @@ fn take_out(
                 for (var i = 0u; i < 32u; i += 1u) {
                     total += parts[32u * local + i];
                 }
-                sums[start - costs.batch.z + base + count - 1u - done - local] = total;
+                sums[start - walk.batch.z + base + count - 1u - done - local] = total;
             }
             workgroupBarrier();
         }

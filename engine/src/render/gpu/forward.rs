@@ -1,6 +1,7 @@
 //! A view, drawn: images and the state that its gradient needs, all of it on the GPU.
 
-use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
+
 use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 use wgpu::Buffer;
@@ -11,22 +12,13 @@ use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::SceneBuffers;
 use super::tiles::TileLists;
+use super::walk::{WALK, Walk};
 use super::work::Work;
 use crate::views::PinholeView;
 
-const COMPOSITE: Kernel = Kernel::new("composite", &[include_str!("forward.wgsl")]);
+const COMPOSITE: Kernel = Kernel::new("composite", &[WALK, include_str!("forward.wgsl")]);
 /// Groups of 256 that share a tile.
 const HALVES: usize = TILE_PIXELS / 256;
-
-/// What compositing is told.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Composite {
-    /// Width, height, columns of tiles, tiles.
-    size: [u32; 4],
-    /// Colour behind all, and the transmittance at which a pixel ends.
-    background: [f32; 4],
-}
 
 /// A drawn view.
 #[derive(Debug)]
@@ -48,6 +40,17 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
+    /// A walk back over some tiles, whose first place is given.
+    pub(super) fn walk_back(&self, tiles: &Range<u32>, first_place: u32) -> Walk {
+        let [r, g, b] = self.background;
+        Walk {
+            size: [self.size[0], self.size[1], self.columns, self.lists.num_tiles],
+            background: [r, g, b, 0.0],
+            batch: [tiles.start, tiles.end - tiles.start, first_place, 0],
+            ..Walk::default()
+        }
+    }
+
     /// Pixels.
     pub(crate) const fn num_pixels(&self) -> usize {
         self.size[0] as usize * self.size[1] as usize
@@ -96,8 +99,8 @@ impl Work<'_> {
         let image = self.buffer::<[f32; 4]>("image", pixels)?;
         let ends = self.buffer::<[f32; 2]>("ends of pixels", pixels)?;
         let [r, g, b] = background;
-        let told = Composite { size: [width, height, columns, lists.num_tiles], background: [r, g, b, least] };
-        let told = self.tell(&told);
+        let size = [width, height, columns, lists.num_tiles];
+        let told = self.tell(&Walk { size, background: [r, g, b, least], ..Walk::default() });
         let bindings = [
             (1, &projection.footprints),
             (2, &lists.first_of_tile),

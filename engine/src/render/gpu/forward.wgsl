@@ -1,16 +1,5 @@
 // Front-to-back compositing, half a tile by each group, a pixel by each thread.
 
-struct Composite {
-    // Width, height, columns of tiles, tiles.
-    size: vec4<u32>,
-    // Colour behind all, and the transmittance at which a pixel ends.
-    background: vec4<f32>,
-}
-
-@group(0) @binding(0) var<uniform> drawing: Composite;
-@group(0) @binding(1) var<storage, read> footprints: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> first_of_tile: array<u32>;
-@group(0) @binding(3) var<storage, read> intersections: array<u32>;
 @group(0) @binding(4) var<storage, read_write> image: array<vec4<f32>>; // [H, W]: colour, depth
 @group(0) @binding(5) var<storage, read_write> ends: array<vec2<f32>>; // [H, W]: transmittance, list position that ended the pixel
 
@@ -27,16 +16,16 @@ fn composite(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let number = min(linear(group, groups), HALVES * drawing.size.w - 1u);
+    let number = min(linear(group, groups), HALVES * walk.size.w - 1u);
     let tile = number / HALVES;
-    let column = tile % drawing.size.z * TILE_WIDTH + local % TILE_WIDTH;
-    let row = tile / drawing.size.z * TILE_HEIGHT + number % HALVES * ROWS + local / TILE_WIDTH;
+    let column = tile % walk.size.z * TILE_WIDTH + local % TILE_WIDTH;
+    let row = tile / walk.size.z * TILE_HEIGHT + number % HALVES * ROWS + local / TILE_WIDTH;
     let x = f32(column) + 0.5;
     let y = f32(row) + 0.5;
     var colour = vec4<f32>(0.0);
     var transmittance = 1.0;
     var stop = NEVER;
-    let is_inside = column < drawing.size.x && row < drawing.size.y;
+    let is_inside = column < walk.size.x && row < walk.size.y;
     var ended = !is_inside;
     let start = first_of_tile[tile];
     let end = first_of_tile[tile + 1u];
@@ -69,7 +58,7 @@ fn composite(
             let alpha = min(ALPHA_MAX, exp2(first.w * u * u + (second.y + second.x * dy * dy)));
             if (alpha >= ALPHA_MIN) {
                 let next = transmittance * (1.0 - alpha);
-                if (next <= drawing.background.w) {
+                if (next <= walk.background.w) {
                     ended = true;
                     stop = f32(base + j - start);
                 } else {
@@ -81,8 +70,8 @@ fn composite(
         workgroupBarrier();
     }
     if (is_inside) {
-        let pixel = row * drawing.size.x + column;
-        image[pixel] = colour + vec4<f32>(transmittance * drawing.background.xyz, 0.0);
+        let pixel = row * walk.size.x + column;
+        image[pixel] = colour + vec4<f32>(transmittance * walk.background.xyz, 0.0);
         ends[pixel] = vec2<f32>(transmittance, stop);
     }
 }

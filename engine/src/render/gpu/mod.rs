@@ -17,10 +17,12 @@ mod gather;
 mod kernels;
 mod memory;
 mod project;
+mod read;
 mod room;
 mod sort;
 mod tiles;
 mod told;
+mod walk;
 mod work;
 
 use std::time::Instant;
