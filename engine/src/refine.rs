@@ -164,7 +164,6 @@ impl<'a, 'v> Refinement<'a, 'v> {
         let wanted = Wanted { device: self.settings.device, ..wanted };
         MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
         let found = objective_keeping(set, views, &LossWeights::default(), wanted, &mut self.kept);
-
         self.summary.losses.push(found.loss);
         self.summary.seconds.add(found.seconds);
         Ok(found)

@@ -31,10 +31,10 @@ pub use kept::Kept;
 pub use map::{LossCounts, LossMap, loss_map, patch_change};
 pub use residual::residual_image;
 use ssim::ImagePair;
+pub use velocity::velocity_loss;
 
 /// Pixels that a thread takes at once.
 const GRAIN: usize = 1 << 14;
-pub use velocity::velocity_loss;
 
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug, PartialEq)]

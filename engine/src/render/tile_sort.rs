@@ -10,7 +10,13 @@ pub(super) const CHUNK: usize = 4096;
 /// Runs of Gaussians that each thread sorts.
 const RUNS: usize = 2;
 
-/// Stable counting sort of the intersections by tile, a run of Gaussians after the other, all runs at once.
+/// First intersection of each tile and the end, the place of each Gaussian's intersections in the order of its tiles, and the Gaussian at each place.
+///
+/// # Shapes
+/// `first_of_splat` `[N + 1]`, `tiles` one for each intersection; results `[num_tiles + 1]`, and twice one for each intersection.
+///
+/// # Formula
+/// A stable counting sort by tile, a run of Gaussians after the other, all runs at once.
 pub(super) fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, num_tiles: usize) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
     let mut places_of_splats = tiles;
     let mut runs = Run::all(first_of_splat, &mut places_of_splats);
@@ -81,6 +87,37 @@ impl<'a> Run<'a> {
                 *tile = *place;
                 *place += 1;
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{CHUNK, by_tile};
+
+    /// More Gaussians than a thread takes, some without tiles: any number of threads sorts them as one loop does.
+    #[test]
+    fn runs_sort_as_one_does() {
+        let num_tiles = 37;
+        let mixed = |i: usize| (i.wrapping_mul(0x9e37_79b9) >> 11) % 1009;
+        let (mut first_of_splat, mut tiles) = (vec![0], Vec::new());
+        for splat in 0..5 * CHUNK + 3 {
+            tiles.extend((0..mixed(splat) % 4).map(|k| u32::try_from(mixed(splat + 7 * k) % num_tiles).unwrap()));
+            first_of_splat.push(u32::try_from(tiles.len()).unwrap());
+        }
+        let owner = |place: usize| first_of_splat.partition_point(|&first| first as usize <= place) - 1;
+        let mut order: Vec<usize> = (0..tiles.len()).collect();
+        order.sort_by_key(|&place| tiles[place]);
+        let want: Vec<usize> = order.iter().map(|&place| owner(place)).collect();
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (firsts, places, found) = pool.install(|| by_tile(&first_of_splat, tiles.clone(), num_tiles));
+            assert!(found.iter().map(|&splat| splat as usize).eq(want.iter().copied()), "{threads} threads");
+            assert!(order.iter().zip(0..).all(|(&from, to)| places[from] == to), "{threads} threads");
+            for (tile, pair) in (0..).zip(firsts.windows(2)) {
+                assert!((pair[0]..pair[1]).all(|place| tiles[order[place as usize]] == tile));
+            }
+            assert_eq!(firsts.last().copied(), u32::try_from(tiles.len()).ok());
         }
     }
 }

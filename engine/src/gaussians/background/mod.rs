@@ -68,7 +68,7 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Behind no pixel of a view anything is known.
+    /// That of a view behind whose pixels nothing is known.
     fn unknown(view: &View) -> Self {
         let count = view.pinhole.num_pixels();
         Self { inverse_depths: vec![0.0; count], trust: vec![Trust::Unknown; count] }

@@ -137,7 +137,9 @@ impl Search<'_> {
             };
             let again: Vec<Option<Region>> = sweeps.par_iter().enumerate().map(again).collect();
             for (region, again) in regions.iter_mut().zip(again) {
-                *region = again.unwrap_or_else(|| std::mem::take(region));
+                if let Some(again) = again {
+                    *region = again;
+                }
             }
             if round == ROUNDS {
                 break;

@@ -33,10 +33,15 @@ impl Search<'_> {
     /// A shape goes down the image band by band, two bands behind the shape before it, which then has left all rows that it reaches; so
     /// all shapes are under way at once, and find what they would one after the other.
     pub(super) fn found(&self, left: &mut [bool], counts: &mut [usize]) -> Vec<Block> {
-        let (width, height) = (self.view.pinhole.width, counts.len());
         let tallest = self.shapes.iter().map(|shape| shape[1]).max().unwrap_or(1);
         let is_few = counts.iter().sum::<usize>() < FEW;
-        let band = if is_few { height.max(1) } else { BAND.max(tallest) };
+        let band = if is_few { counts.len().max(1) } else { BAND.max(tallest) };
+        self.found_by_bands(band, left, counts)
+    }
+
+    /// As [`Search::found`], by bands of so many rows, at least as many as the tallest shape has.
+    fn found_by_bands(&self, band: usize, left: &mut [bool], counts: &mut [usize]) -> Vec<Block> {
+        let (width, height) = (self.view.pinhole.width, counts.len());
         let num_bands = height.div_ceil(band);
         let mut found: Vec<Vec<Block>> = vec![Vec::new(); self.shapes.len()];
         let last = (num_bands + 2 * self.shapes.len()).saturating_sub(2);
@@ -78,6 +83,44 @@ impl Search<'_> {
                     None => (columns / 2).max(1),
                 };
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BAND, Block, Search};
+    use crate::{
+        gaussians::{
+            Coarseness,
+            background::{Sheet, blocks::SHAPES, depth::Trust},
+        },
+        views::samples::{ahead, seen},
+    };
+
+    /// Patches of many sizes, some of which are taken already: bands change nothing.
+    #[test]
+    fn all_shapes_at_once_find_what_one_after_the_other_does() {
+        let [width, height] = [150, 331];
+        let count = width * height;
+        let mixed = |i: usize| (i.wrapping_mul(0x9e37_79b9) >> 13) % 97;
+        let patch = |pixel: usize| mixed(pixel / width / 23 * 31 + pixel % width / 17 + mixed(pixel / width / 5) % 3);
+        let colours = (0..3 * count).map(|i| patch(i / 3) as f32 / 97.0).collect();
+        let view = seen(ahead(width, height, 100.0), colours);
+        let sheet = Sheet { inverse_depths: vec![0.1; count], trust: vec![Trust::Alone; count] };
+        let search = Search { view: &view, sheet: &sheet, coarseness: Coarseness::default(), shapes: SHAPES.to_vec() };
+        let found = |band: usize| {
+            let mut left: Vec<bool> = (0..count).map(|pixel| mixed(pixel) > 1).collect();
+            let mut counts: Vec<usize> =
+                left.chunks(width).map(|row| row.iter().filter(|&&left| left).count()).collect();
+            let blocks: Vec<Block> = search.found_by_bands(band, &mut left, &mut counts);
+            (blocks, left, counts)
+        };
+        let tallest = SHAPES.iter().map(|shape| shape[1]).max().unwrap();
+        let want = found(height);
+        assert!(want.0.len() > 500, "{}", want.0.len());
+        for band in [tallest, tallest + 1, BAND.max(tallest), 100] {
+            assert!(found(band) == want, "bands of {band} rows");
         }
     }
 }
