@@ -10,6 +10,7 @@ pub mod layouts;
 pub mod metrics;
 pub mod pictures;
 pub mod places;
+pub mod pods;
 pub mod process;
 pub mod random;
 pub mod readme;

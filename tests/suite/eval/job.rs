@@ -1,27 +1,19 @@
 //! Figures, parts, failures, refusals.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 
 use lgs_tests::process::{binary, run};
-use lgs_tests::{Needed, Outcome, case, case_if, clips, layouts, metrics, places};
-use libtest_mimic::{Failed, Trial};
+use lgs_tests::{Outcome, case, clips, layouts, metrics, places};
+use libtest_mimic::Trial;
 use serde_json::Value;
 
 use super::{SMALL, eval, evaluation, same_product};
 
 pub(crate) fn cases() -> Vec<Trial> {
-    let bash = if Command::new("bash").arg("-c").arg("true").status().is_ok_and(|status| status.success()) {
-        Needed::Here
-    } else {
-        Needed::Missing("bash".to_owned())
-    };
     vec![
         case("eval::job::figures_are_those_of_inference", figures_are_those_of_inference),
         case("eval::job::parts_threads_and_whole_are_the_same_bytes", parts_and_whole),
-        case_if(&bash, "eval::job::batch_scripts_do_a_whole_job", batch_scripts),
-        case_if(&slurm(), "eval::job::an_array_under_slurm", under_slurm),
         case("eval::job::failed_snippets_are_listed_and_the_others_are_none_the_worse", failures),
         case("eval::job::foreign_layouts_and_the_protocol_of_waymo", foreign),
         case("eval::job::scenes_of_a_release_are_drives", scenes_of_a_release),
@@ -89,74 +81,6 @@ fn parts_and_whole() -> Outcome {
     let other = eval(place.path(), &[&[street.as_str()], SMALL.as_slice(), &["--out", "whole", "--resume"]].concat())?;
     other.expect_one_line_at_the_end(&["key"])?;
     go(&["--out", "whole", "--resume"])
-}
-
-/// A folder with a drive, its list and the program under its name, and the variable of programs in which that comes first.
-fn place_of_scripts() -> Result<(tempfile::TempDir, String), Failed> {
-    let place = tempfile::tempdir()?;
-    clips::short(&place.path().join("tiny"), 5)?;
-    fs::write(place.path().join("drives.txt"), "tiny\n")?;
-    let program = place.path().join("lgs-eval");
-    fs::write(&program, format!("#!/bin/sh\nexec {} \"$@\"\n", binary("lgs-eval")?.display()))?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        fs::set_permissions(&program, fs::Permissions::from_mode(0o755))?;
-    }
-    let path = format!("{}:{}", place.path().display(), std::env::var("PATH").unwrap_or_default());
-    Ok((place, path))
-}
-
-fn script(name: &str) -> PathBuf {
-    places::repository().join("measure/deploy").join(name)
-}
-
-/// Runs a command that goes by the variables of the scripts, to its end.
-fn with_variables(command: &mut Command, place: &Path, path: &str) -> Outcome {
-    command.current_dir(place).env("PATH", path).env("PROTOCOL", "own").env("FLAGS", SMALL[2..].join(" "));
-    let output = command.output()?;
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    if output.status.success() {
-        Ok(())
-    } else {
-        Err(format!("{command:?}: {:?}: {said}", output.status.code()).into())
-    }
-}
-
-/// Joins the shares, which are to be what one run gives.
-fn merged_is_whole(place: &Path, path: &str) -> Outcome {
-    with_variables(Command::new("bash").arg(script("eval-merge.sbatch")), place, path)?;
-    eval(place, &[&["drives.txt"], SMALL.as_slice(), &["--out", "whole"]].concat())?.expect_success()?;
-    same_product(&place.join("evaluation"), &place.join("whole"))
-}
-
-fn batch_scripts() -> Outcome {
-    let (place, path) = place_of_scripts()?;
-    // The second task failed and is submitted alone.
-    for [task, min, count] in [["1", "1", "3"], ["3", "1", "3"], ["2", "2", "1"]] {
-        let array = [("ID", task), ("MIN", min), ("COUNT", count)];
-        let mut command = Command::new("bash");
-        command.arg(script("eval.sbatch")).envs(array.map(|(name, value)| (format!("SLURM_ARRAY_TASK_{name}"), value)));
-        with_variables(&mut command, place.path(), &path)?;
-    }
-    merged_is_whole(place.path(), &path)
-}
-
-/// Whether a Slurm answers that has nodes.
-fn slurm() -> Needed {
-    let answer = Command::new("sinfo").args(["--noheader", "--states=idle"]).output();
-    if answer.is_ok_and(|answer| answer.status.success() && !answer.stdout.is_empty()) {
-        Needed::Here
-    } else {
-        Needed::Missing("a Slurm with a node that is idle".to_owned())
-    }
-}
-
-fn under_slurm() -> Outcome {
-    let (place, path) = place_of_scripts()?;
-    let mut command = Command::new("sbatch");
-    with_variables(command.args(["--wait", "--export=ALL"]).arg(script("eval.sbatch")), place.path(), &path)?;
-    merged_is_whole(place.path(), &path)
 }
 
 fn failures() -> Outcome {

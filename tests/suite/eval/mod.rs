@@ -1,5 +1,6 @@
 //! `lgs-eval` as a process: its figures, jobs that are interrupted or divided, failures, its pages.
 
+mod deploy;
 mod interruptions;
 mod job;
 mod pages;
@@ -21,7 +22,7 @@ const SMALL: [&str; 10] =
     ["--protocol", "own", "--snippet-frames", "3", "--stride", "1", "--image-size", "24x40", "--weights", "none"];
 
 pub(crate) fn cases() -> Vec<Trial> {
-    [job::cases(), interruptions::cases(), pages::cases()].into_iter().flatten().collect()
+    [job::cases(), deploy::cases(), interruptions::cases(), pages::cases()].into_iter().flatten().collect()
 }
 
 /// Runs `lgs-eval` in a folder.

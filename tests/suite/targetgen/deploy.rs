@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
+use lgs_tests::pods::{Job, program, with_path};
 use lgs_tests::process::binary;
 use lgs_tests::{Needed, Outcome, case, case_if, clips, places};
 use libtest_mimic::Trial;
@@ -15,8 +16,9 @@ pub(crate) fn cases() -> Vec<Trial> {
         Needed::Missing("bash".to_owned())
     };
     vec![
-        case("targetgen::deploy::counts_and_names_agree", counts_and_names),
+        case("targetgen::deploy::counts_and_names_agree", || job("targets-job.yaml")?.expect_counts_and_names()),
         case_if(&bash, "targetgen::deploy::pods_pass_exit_codes_on", exit_codes),
+        case_if(&bash, "targetgen::deploy::pods_do_a_whole_job", pods),
         case_if(&bash, "targetgen::deploy::batch_scripts_do_a_whole_job", batch_scripts),
     ]
 }
@@ -25,70 +27,38 @@ fn deploy(name: &str) -> PathBuf {
     places::repository().join("targetgen/deploy").join(name)
 }
 
-fn read(name: &str) -> Result<String, String> {
-    fs::read_to_string(deploy(name)).map_err(|e| format!("{name}: {e}"))
+fn job(name: &str) -> Result<Job, String> {
+    Job::read(&deploy(name), "lgs-targetgen")
 }
 
-/// What stands behind the first `key: ` of a file, without a comment and quotes.
-fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
-    let line =
-        text.lines().find_map(|line| line.trim_start_matches([' ', '-', '{']).strip_prefix(key)?.strip_prefix(": "));
-    line.map(str::trim).ok_or_else(|| format!("no {key}"))
-}
-
-fn counts_and_names() -> Outcome {
-    let job = read("targets-job.yaml")?;
-    let completions = value(&job, "completions")?;
-    let told = format!("name: JOB_COMPLETIONS, value: \"{completions}\"");
-    let containers = job.split_once("containers:").ok_or("no containers")?.1;
-    let container = format!("containerName: {},", value(containers, "name")?);
-    for (name, wanted) in [("the count in the environment", &told), ("the container of the policy", &container)] {
-        if !job.contains(wanted.as_str()) {
-            return Err(format!("{name}: {wanted} is missing").into());
-        }
-    }
-    Ok(())
-}
-
-/// A folder with a program of a name in it that does what `script` says.
-fn program(folder: &Path, name: &str, script: &str) -> std::io::Result<()> {
-    let path = folder.join(name);
-    fs::write(&path, format!("#!/bin/sh\n{script}\n"))?;
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o755))?;
-    }
-    Ok(())
-}
-
-/// Runs with a folder's programs before all others.
-fn with_path(command: &mut Command, folder: &Path) -> std::io::Result<Output> {
-    let old = std::env::var("PATH").unwrap_or_default();
-    command.env("PATH", format!("{}:{old}", folder.display())).output()
-}
-
-/// Clips that failed (1) are no failure of the pod; an error (2) is, under its own code.
 fn exit_codes() -> Outcome {
-    let place = tempfile::tempdir()?;
-    for file in ["targets-job.yaml", "merge-job.yaml"] {
-        let text = read(file)?;
-        let shell = value(&text, "args")?.trim_matches(['[', ']', '"']).to_owned();
-        for (own, want) in [(0, 0), (1, 0), (2, 2), (137, 137)] {
-            program(place.path(), "lgs-targetgen", &format!("exit {own}"))?;
-            let got = with_path(Command::new("sh").args(["-c", &shell]), place.path())?.status.code();
-            if got != Some(want) {
-                return Err(format!("{file}: exit {own} of the program became {got:?}, want {want}").into());
-            }
-        }
-    }
-    Ok(())
+    job("targets-job.yaml")?.expect_exit_codes()?;
+    job("merge-job.yaml")?.expect_exit_codes()
 }
 
-fn batch_scripts() -> Outcome {
+/// A folder with a clip that `clips.txt` names twice.
+fn place_of_clips() -> Result<tempfile::TempDir, libtest_mimic::Failed> {
     let place = tempfile::tempdir()?;
     clips::short(&place.path().join("tiny"), 1)?;
     fs::write(place.path().join("clips.txt"), "tiny\ntiny\n")?;
+    Ok(place)
+}
+
+/// Fails unless the manifest has both clips at the size that was asked for.
+fn is_whole(place: &Path) -> Outcome {
+    let manifest = fs::read_to_string(place.join("targets/manifest.json"))?;
+    if manifest.contains("tiny~2") && manifest.contains("24") { Ok(()) } else { Err(manifest.into()) }
+}
+
+fn pods() -> Outcome {
+    let place = place_of_clips()?;
+    job("targets-job.yaml")?.run(place.path(), &[("--resume", "--resume --image-size 24x40 --rounds 1")])?;
+    job("merge-job.yaml")?.run(place.path(), &[])?;
+    is_whole(place.path())
+}
+
+fn batch_scripts() -> Outcome {
+    let place = place_of_clips()?;
     program(place.path(), "lgs-targetgen", &format!("exec {} \"$@\"", binary("lgs-targetgen")?.display()))?;
     let run = |script: &str, task: Option<[&str; 3]>| -> Outcome {
         let mut command = Command::new("bash");
@@ -109,6 +79,5 @@ fn batch_scripts() -> Outcome {
     // The second task failed and is submitted alone.
     run("targets.sbatch", Some(["2", "2", "1"]))?;
     run("merge.sbatch", None)?;
-    let manifest = fs::read_to_string(place.path().join("targets/manifest.json"))?;
-    if manifest.contains("tiny~2") && manifest.contains("24") { Ok(()) } else { Err(manifest.into()) }
+    is_whole(place.path())
 }

@@ -7,8 +7,11 @@ use lgs_formats::camera::{Distortion, Intrinsics, ReadoutDirection};
 use lgs_formats::clip::{CameraRecord, Frame, TrackedBox};
 use lgs_formats::importers;
 use lgs_tests::compare::{absolute, close};
+use lgs_tests::process::{binary, run};
 use lgs_tests::{Needed, Outcome, case_if, places};
 use libtest_mimic::Trial;
+
+use super::drive::import;
 
 /// Epoch of the frame's first shot, seconds.
 const START: f64 = 1_553_735_853.462_203;
@@ -16,7 +19,11 @@ const START: f64 = 1_553_735_853.462_203;
 pub(super) fn cases() -> Vec<Trial> {
     let file: PathBuf = places::shared().join("foreign/waymo/one_frame_v1.tfrecord");
     let needed = Needed::path(&file, "the real foreign folders");
-    vec![case_if(&needed, "importers::waymo::the_real_frame", move || real_frame(&file))]
+    let frame = file.clone();
+    vec![
+        case_if(&needed, "importers::waymo::the_real_frame", move || real_frame(&frame)),
+        case_if(&needed, "importers::waymo::a_frame_without_returns", move || without_returns(&file)),
+    ]
 }
 
 /// What a camera is, by the frame's own messages: name, height, `f_u`, `c_u`, `k1`, moment and middle of the readout in milliseconds after the frame's start.
@@ -58,6 +65,16 @@ fn real_frame(file: &Path) -> Outcome {
         }
     }
     labels(frame)
+}
+
+/// The real frame has no returns: what would make a scene or a clip of it says so.
+fn without_returns(file: &Path) -> Outcome {
+    let place = tempfile::tempdir()?;
+    let said = ["frame_0000.lidar", "at least one return"];
+    let flags = ["--weights", "none", "--image-size", "24x40", "--out", "out"];
+    let file = file.display().to_string();
+    run(&binary("lgs-infer")?, &[&[file.as_str()], flags.as_slice()].concat(), place.path())?.expect_refusal(&said)?;
+    import(Path::new(&file), place.path(), &[])?.expect_refusal(&said)
 }
 
 fn labels(frame: &Frame) -> Outcome {
