@@ -108,7 +108,7 @@ pub(crate) fn objective_keeping<'v>(
 ) -> Objective {
     let splats: Vec<Splat> = to_physical(set);
     let Found { terms: of_views, gradients, residuals, blended, images, seen, seconds } =
-        found_on(&splats, views, (weights, wanted), kept);
+        found_on(&splats, views, weights, wanted, kept);
     let (mut loss, mut terms) = mean_over(&of_views);
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
@@ -157,13 +157,14 @@ struct Found {
 fn found_on<'v>(
     splats: &[Splat],
     views: &[&'v View],
-    (weights, wanted): (&LossWeights, Wanted),
+    weights: &LossWeights,
+    wanted: Wanted,
     kept: &mut Kept<'v>,
 ) -> Found {
     // The GPU has no kernel for the term of the peak signal-to-noise ratio, which training alone knows.
     #[cfg(feature = "gpu")]
     if weights.psnr == 0.0
-        && let Some(found) = wanted.device.try_gpu(|on| gpu::found(on, splats, views, (weights, wanted), kept))
+        && let Some(found) = wanted.device.try_gpu(|on| gpu::found(on, splats, views, weights, wanted, kept))
     {
         return found;
     }

@@ -15,9 +15,22 @@ where
     String::from_utf8(writer.into_inner().unwrap_or_default()).unwrap_or_default()
 }
 
+/// The rows of a table, the names of its columns first. What comes after a line that is no such row is left out.
+pub fn csv_rows(table: &str) -> Vec<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(table.as_bytes());
+    reader.records().map_while(Result::ok).map(|row| row.iter().map(str::to_owned).collect()).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::csv;
+    use super::{csv, csv_rows};
+
+    #[test]
+    fn what_was_written_is_read() {
+        let rows = [vec!["x y", "1, \"2\""], vec!["", "3\n4"], vec!["one"]];
+        assert_eq!(csv_rows(&csv(&["a", "b"], rows.clone())), [vec![vec!["a", "b"]], rows.to_vec()].concat());
+        assert!(csv_rows("").is_empty());
+    }
 
     #[test]
     fn fields_are_quoted_where_a_reader_needs_it() {

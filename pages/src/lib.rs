@@ -7,7 +7,7 @@ mod plot;
 mod text;
 
 pub use charts::{Curve, CurvesFrame, Range, curves, histogram, scatter};
-pub use csv::csv;
+pub use csv::{csv, csv_rows};
 pub use html::{document, escape, section, table};
 pub use plot::{Axis, FRAME, Mapping, Plot, Scale};
 pub use text::{count, number, or_dash, ranges, thousands};

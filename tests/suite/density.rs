@@ -54,10 +54,10 @@ fn a_step_ahead() -> Outcome {
         }
         Ok((rows, parts))
     };
-    let of = |scene: &GaussianSet| survivors(scene, &views, (Scope::All, limit), Device::Cpu, &mut || ());
+    let left = |scene: &GaussianSet| survivors(scene, &views, (Scope::All, limit), Device::Cpu, &mut || ());
     let mut ahead = scene.clone();
     refine(&mut ahead, &views, &model, RefineSettings { last: LastStep::Kept, ..1.into() }, || ())?;
-    let (usual, beyond) = (of(&scene), of(&ahead));
+    let (usual, beyond) = (left(&scene), left(&ahead));
     let all: Vec<usize> = (0..scene.len()).collect();
     if usual == beyond {
         return Err("the step changes nobody's effects".into());

@@ -75,6 +75,9 @@ fn sizes_are_measured_once_and_laws_are_finite() -> Outcome {
         if !(0.8..1.2).contains(&(returns / asked)) {
             return Err(format!("{returns} returns for {asked}").into());
         }
+        for part in ["cloud", "motion", "paint", "spacing", "merge"] {
+            metrics::number(size, &["times", "first", part])?;
+        }
         if list(&size["times"], "passes")?.len() != 2 || metrics::number(&size["space"], &["work", "sites"])? < 1.0 {
             return Err(format!("a size: {size}").into());
         }

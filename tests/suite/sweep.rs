@@ -72,7 +72,7 @@ fn figures_are_those_of_inference() -> Outcome {
     let (page, csv) = (page(place.path())?, fs::read_to_string(place.path().join("out/points.csv"))?);
     let clip = &list(&page, "clips")?[0];
     let (rows, points) = (list(clip, "rows")?, list(clip, "points")?);
-    // Two ways of the policy with two by two numbers of steps each, three marks of the reference.
+    // With exact pruning and without, two by two numbers of steps each; three marks of the reference.
     if (rows.len(), points.len(), csv.lines().count()) != (11, 11, 12) {
         return Err(format!("{} rows, {} points, {} lines", rows.len(), points.len(), csv.lines().count()).into());
     }

@@ -5,7 +5,7 @@ use crate::gaussians::{GaussianSet, split::halves};
 /// What happens to a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Nothing.
+    /// It stays as it is.
     Keep,
     /// It is taken out.
     Prune,

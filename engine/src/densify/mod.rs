@@ -58,7 +58,7 @@ impl Scope {
 /// What happens to one primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Nothing.
+    /// It stays as it is.
     Keep,
     /// It is taken out.
     Prune,

@@ -25,7 +25,8 @@ pub(super) fn found<'v>(
     gpu: &Gpu,
     splats: &[Splat],
     views: &[&'v View],
-    (weights, wanted): (&LossWeights, Wanted),
+    weights: &LossWeights,
+    wanted: Wanted,
     kept: &mut Kept<'v>,
 ) -> Result<Found, GpuError> {
     let start = Instant::now();
@@ -39,7 +40,7 @@ pub(super) fn found<'v>(
     let stay = wanted.images && kept.begin_drawn(&mut work, views);
     for (number, view) in views.iter().enumerate() {
         let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
-        let truth = sums.truth(&mut work, (number, view), kept)?;
+        let truth = sums.truth(&mut work, number, view, kept)?;
         let by_pixel = sums.gradient(&mut work, &truth, &drawn)?;
         if wanted.gradient {
             work.add_backward(&scene, &drawn, &by_pixel, &scene.gradients, share)?;
@@ -114,7 +115,7 @@ pub(crate) fn descend<'v>(
     let share = 1.0 / views.len().max(1) as f32;
     for (number, view) in views.iter().enumerate() {
         let drawn = work.draw(scene, &view.pinhole, BEHIND)?;
-        let truth = sums.truth(work, (number, view), kept)?;
+        let truth = sums.truth(work, number, view, kept)?;
         let by_pixel = sums.gradient(work, &truth, &drawn)?;
         work.add_backward(scene, &drawn, &by_pixel, &scene.gradients, share)?;
     }

@@ -5,7 +5,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{
-    Inputs, MemorySettings, NetworkRun, NetworkSettings, NetworkSummary, Stage, Watch, check_refinement, run_network,
+    Inputs, MemorySettings, NetworkRun, NetworkSettings, NetworkSummary, PointStep, Stage, Watch, check_refinement,
+    run_network,
 };
 use crate::{
     densify::DensityMap,
@@ -16,11 +17,7 @@ use crate::{
         motion,
     },
     points::{self, Dropped, PointCloud, Turn},
-    refine::{
-        KnownObjective, ViewSchedule,
-        adam::{Adam, AdamRates, AdamSettings, AdamSummary},
-    },
-    render::Device,
+    refine::{KnownObjective, adam::AdamSummary},
     views::View,
 };
 
@@ -69,9 +66,6 @@ pub struct Reconstruction {
     pub seconds: f64,
 }
 
-/// Steps of [`Stage::Points`] that progress is told of: cloud, velocities, colours, spacing.
-const POINT_STEPS: usize = 4;
-
 /// A reconstruction that has its initial `LiDAR` Gaussians, and nothing else yet.
 #[derive(Debug)]
 pub struct Begun<'a> {
@@ -84,30 +78,29 @@ pub struct Begun<'a> {
     start: Instant,
 }
 
-/// The initial `LiDAR` Gaussians of what `inputs` show.
+/// The initial `LiDAR` Gaussians of what `inputs` show: every step of [`Stage::Points`] but [`PointStep::Merging`], which needs the recipe.
 ///
 /// # Errors
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a>(inputs: &'a Inputs, watch: &mut Watch<'_>) -> Result<Begun<'a>> {
     let start = Instant::now();
-    let (cloud, turn, dropped, movement, scene) = watch.stage(Stage::Points, POINT_STEPS, |progress| {
-        let step = || progress.step(Stage::Points);
+    let (cloud, turn, dropped, movement, scene) = watch.stage(Stage::Points, PointStep::ALL.len() - 1, |progress| {
         let mut cloud = inputs.cloud()?;
         let turn = inputs.tell_apart(&mut cloud)?;
         let dropped = points::drop_strays(&mut cloud)?;
-        step();
+        progress.point_step(PointStep::Cloud);
         let movement = inputs.movement(&cloud)?;
-        step();
+        progress.point_step(PointStep::Motion);
         let colours = points::paint(&cloud, &movement.velocities, inputs.views());
-        step();
+        progress.point_step(PointStep::Colours);
         let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
         let spacing = points::spacing(&cloud.positions, &painted)?;
         let spacing = points::bounded(&spacing, &cloud.ranges(&painted));
         let mut scene = gaussians::initial(&cloud, &colours, &spacing);
-        step();
         for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
             *own = movement.velocities[point as usize];
         }
+        progress.point_step(PointStep::Spacing);
         Result::Ok((cloud, turn, dropped, movement, scene))
     })?;
     Ok(Begun { inputs, cloud, turn, dropped, movement, scene, start })
@@ -144,8 +137,9 @@ impl<'a> Begun<'a> {
                 found: "none".to_owned(),
             });
         }
-        watch.time(Stage::Points, |_| {
+        watch.stage(Stage::Points, 1, |progress| {
             gaussians::merge_dense(&mut scene, inputs.views(), settings.coarseness);
+            progress.point_step(PointStep::Merging);
         });
         let depth_maps = watch.stage(Stage::Background, 1, |_| {
             background::add_background(&mut scene, inputs.views(), &cloud, &movement, settings)
@@ -192,19 +186,19 @@ impl<'a> Begun<'a> {
 }
 
 impl Reconstruction {
-    /// A per-scene optimisation of it over `num_views` views, at images `reduce` times smaller in width and height: with a warm start where learned
-    /// steps have brought it near its optimum. What they measured of it last is its first step's, if that looks at the same.
-    pub(crate) fn begin_adam<'v>(
-        &mut self,
-        (schedule, device): (ViewSchedule, Device),
-        reduce: usize,
-        num_views: usize,
-    ) -> Adam<'v> {
-        let warm_start = self.network.as_ref().is_some_and(|network| network.refine.steps > 0);
-        let mut adam =
-            Adam::new(self.scene.len(), AdamSettings { rates: AdamRates::default(), schedule, warm_start, device });
-        let measured = self.measured.take();
-        adam.begin_with(measured.filter(|measured| measured.reduce == reduce && schedule.take_all(num_views)));
-        adam
+    /// A scene that came from elsewhere, of which nothing else is known.
+    pub fn of_scene(scene: GaussianSet) -> Self {
+        Self {
+            scene,
+            counts: GaussianCounts::default(),
+            network: None,
+            optimisation: None,
+            density: None,
+            measured: None,
+            depth_maps: Vec::new(),
+            turn: None,
+            dropped: Dropped::default(),
+            seconds: 0.0,
+        }
     }
 }

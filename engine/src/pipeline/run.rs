@@ -1,23 +1,9 @@
 //! A recipe, run on an opened clip.
 
-use std::{
-    borrow::Cow,
-    time::{Duration, Instant},
-};
+use std::time::Instant;
 
-use super::{
-    Begun, Inputs, MemorySettings, NetworkSettings, Reconstruction, Session, Stage, StageTimes, Watch, begin,
-    check_refinement,
-};
-use crate::{
-    error::Result,
-    gaussians::Start,
-    network::model::Model,
-    recipe::Recipe,
-    refine::RefineSummary,
-    render::{MemoryEstimate, Pass},
-    views::{View, at_factor},
-};
+use super::{Begun, NetworkSettings, Reconstruction, Session, StageTimes, Watch, begin};
+use crate::{error::Result, gaussians::Start, network::model::Model, recipe::Recipe, refine::adam::AdamRates};
 
 /// What is run.
 #[derive(Clone, Copy, Debug)]
@@ -32,9 +18,6 @@ pub struct Run<'a> {
     pub deadline: Option<Deadline>,
 }
 
-/// Who is told of a scene at a mark, and of the times until then.
-pub(super) type Told<'a> = dyn FnMut(&Reconstruction, &StageTimes) + 'a;
-
 /// When a run has to be done.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadline {
@@ -46,6 +29,20 @@ pub struct Deadline {
     pub adam_step_s: f64,
 }
 
+/// Who is told of a scene after how many steps, and of the times until then; what that takes counts for nothing.
+pub struct Marks<'a> {
+    /// Numbers of steps, from 1 on.
+    pub steps: &'a [usize],
+    /// Is told.
+    pub done: &'a mut dyn FnMut(&Reconstruction, &StageTimes),
+}
+
+impl std::fmt::Debug for Marks<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Marks").field("steps", &self.steps).finish_non_exhaustive()
+    }
+}
+
 impl Run<'_> {
     /// The initial Gaussians alone.
     pub fn initial(start: Start) -> Self {
@@ -53,7 +50,7 @@ impl Run<'_> {
     }
 
     /// Most steps of per-scene optimisation.
-    fn adam_steps(&self) -> usize {
+    pub(super) fn adam_steps(&self) -> usize {
         self.deadline.map_or(self.recipe.adam_steps, |deadline| deadline.adam_steps)
     }
 }
@@ -79,7 +76,7 @@ impl Begun<'_> {
         run: &Run<'_>,
         watch: &mut Watch<'_>,
         marks: &[usize],
-        done: &mut Told<'_>,
+        done: &mut dyn FnMut(&Reconstruction, &StageTimes),
     ) -> Result<Reconstruction> {
         let (recipe, inputs) = (&run.recipe, self.inputs());
         let until = run.deadline.map(|deadline| deadline.until);
@@ -90,65 +87,8 @@ impl Begun<'_> {
             done(&made, &watch.times);
         }
         if run.adam_steps() > 0 {
-            optimise(&mut made, inputs, run, watch, (marks, done))?;
+            made.optimise(inputs, run, AdamRates::default(), watch, Marks { steps: marks, done })?;
         }
         Ok(made)
     }
-}
-
-/// Optimises a finished scene over the input views, in place: what `--refine-with adam` does.
-pub(super) fn optimise(
-    made: &mut Reconstruction,
-    inputs: &Inputs,
-    run: &Run<'_>,
-    watch: &mut Watch<'_>,
-    (marks, done): (&[usize], &mut Told<'_>),
-) -> Result<()> {
-    let (steps, schedule, reduce) = (run.adam_steps(), run.recipe.view_schedule(run.seed), run.recipe.refine_reduce);
-    check_refinement([made.scene.num_lidar, made.scene.num_background()], None, MemorySettings::default())?;
-    let (start, mut waited) = (Instant::now(), Duration::ZERO);
-    // A step draws the views once, as the learned refinement has.
-    let refined = made.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
-    let mut step_s = refined.or(run.deadline.map(|deadline| deadline.adam_step_s)).unwrap_or(0.0);
-    let mut adam = made.begin_adam((schedule, run.recipe.device()), reduce, inputs.views().len());
-    let (before, refine_before) = (made.seconds, watch.times.refine);
-    watch.progress.begin(Stage::Refine, steps);
-    let full: Vec<&View> = inputs.views().iter().collect();
-    let reduced = watch.time(Stage::Refine, |_| at_factor(&full, reduce));
-    let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    for step in 1..=steps {
-        let (begun, draws) = (Instant::now(), adam.draws());
-        if draws {
-            let late = |deadline: Deadline| begun + Duration::from_secs_f64(step_s) > deadline.until;
-            if run.deadline.is_some_and(late) {
-                break;
-            }
-            let pinholes = views.iter().map(|view| &view.pinhole);
-            watch.time(Stage::Refine, |_| MemoryEstimate::of_set(&made.scene).check(pinholes, Pass::Gradient))?;
-        }
-        watch.time(Stage::Refine, |progress| {
-            adam.step_ahead(&mut made.scene, &views);
-            if marks.contains(&step) {
-                adam.settle(&mut made.scene, &views);
-            }
-            progress.step(Stage::Refine);
-        });
-        if draws {
-            step_s = begun.elapsed().as_secs_f64();
-        }
-        let asked = Instant::now();
-        watch.times.refine = refine_before;
-        watch.times.add_refine(adam.summary().seconds);
-        made.seconds = before + (asked - start - waited).as_secs_f64();
-        if marks.contains(&step) {
-            done(made, &watch.times);
-        }
-        waited += asked.elapsed();
-    }
-    watch.time(Stage::Refine, |_| adam.settle(&mut made.scene, &views));
-    watch.progress.end(Stage::Refine);
-    let summary = adam.into_summary();
-    made.optimisation = (!summary.losses.is_empty()).then_some(summary);
-    made.seconds = before + (start.elapsed() - waited).as_secs_f64();
-    Ok(())
 }

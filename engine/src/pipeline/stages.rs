@@ -61,6 +61,26 @@ impl Stage {
     }
 }
 
+/// A step of [`Stage::Points`], in the order of the work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointStep {
+    /// Sweeps meet in one frame; returns that are no surface are left out.
+    Cloud,
+    /// Sweeps are registered to each other: initial velocities.
+    Motion,
+    /// Points take their colours from the images.
+    Colours,
+    /// Distances between points; each becomes a Gaussian.
+    Spacing,
+    /// Gaussians that are denser than the pixels become one.
+    Merging,
+}
+
+impl PointStep {
+    /// Every step, in the order of the work.
+    pub const ALL: [Self; 5] = [Self::Cloud, Self::Motion, Self::Colours, Self::Spacing, Self::Merging];
+}
+
 /// Seconds that each stage took; 0 for a stage that did not run. In JSON `null` for what is not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
@@ -93,7 +113,7 @@ impl serde::Serialize for StageTimes {
         let stages = Stage::ALL.map(|stage| (stage.key(), Some(self.get(stage))));
         let parts = self.refine.map(|parts| {
             [
-                ("refine_render", Some(parts.render + parts.lengths)),
+                ("refine_render", Some(parts.drawing())),
                 ("refine_loss", parts.loss_alone()),
                 ("refine_network", Some(parts.network)),
             ]
@@ -108,6 +128,10 @@ pub trait Progress: Sync {
     fn begin(&self, stage: Stage, steps: usize);
     /// One step of a stage is done.
     fn step(&self, stage: Stage);
+    /// A step of [`Stage::Points`] is done.
+    fn point_step(&self, _: PointStep) {
+        self.step(Stage::Points);
+    }
     /// A stage is done.
     fn end(&self, stage: Stage);
 }
@@ -181,11 +205,19 @@ mod tests {
     #[test]
     fn a_loss_that_a_gpu_took_is_not_known() {
         let mut watch = Watch::new(&Silent);
-        let of = |loss, loss_in_render| RefineSeconds { render: 1.0, loss, loss_in_render, ..RefineSeconds::default() };
-        watch.times.add_refine(of(0.5, false));
+        let seconds =
+            |loss, loss_in_render| RefineSeconds { render: 1.0, loss, loss_in_render, ..RefineSeconds::default() };
+        watch.times.add_refine(seconds(0.5, false));
         assert_eq!(serde_json::to_value(watch.times).unwrap()["refine_loss"], 0.5);
-        watch.times.add_refine(of(0.0, true));
+        watch.times.add_refine(seconds(0.0, true));
         let json = serde_json::to_value(watch.times).unwrap();
         assert!(json["refine_loss"].is_null() && json["refine_render"] == 2.0, "{json}");
+    }
+    #[test]
+    fn drawing_for_the_lengths_of_steps_is_drawing() {
+        let mut watch = Watch::new(&Silent);
+        watch.times.add_refine(RefineSeconds { render: 1.0, lengths: 0.5, ..RefineSeconds::default() });
+        assert_eq!(serde_json::to_value(watch.times).unwrap()["refine_render"], 1.5);
+        assert_eq!(watch.times.refine.unwrap().drawing(), 1.5);
     }
 }

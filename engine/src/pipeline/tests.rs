@@ -1,6 +1,13 @@
 //! The pipeline on a small clip: what is held out changes nothing, and cannot come in.
 
-use std::{fs, path::Path, sync::Arc};
+use std::{
+    fs,
+    path::Path,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
+};
 
 use glam::{DMat3, DVec3};
 use lgs_formats::{
@@ -13,8 +20,8 @@ use lgs_formats::{
 };
 
 use super::{
-    Deadline, Drawing, Figures, HoldOut, Inputs, NetworkSummary, Reconstruction, Run, Silent, Stage, Watch, begin,
-    evaluate_views, run::optimise,
+    Deadline, Drawing, Figures, HoldOut, Inputs, Marks, NetworkSummary, PointStep, Progress, Reconstruction, Run,
+    Silent, Stage, Watch, begin, evaluate_views,
 };
 use crate::{
     error::{EngineError, Result},
@@ -127,6 +134,40 @@ fn held_out_files_change_nothing_and_are_not_even_read() {
     assert_ne!(Held::open(place.path()).reconstruct().scene, before.scene, "an input image must count");
 }
 
+/// Notes the steps that it is told of.
+#[derive(Default)]
+struct Steps {
+    announced: AtomicUsize,
+    told: Mutex<Vec<PointStep>>,
+}
+
+impl Progress for Steps {
+    fn begin(&self, stage: Stage, steps: usize) {
+        self.announced.fetch_add(if stage == Stage::Points { steps } else { 0 }, Ordering::Relaxed);
+    }
+
+    fn step(&self, _: Stage) {}
+
+    fn point_step(&self, step: PointStep) {
+        self.told.lock().unwrap().push(step);
+    }
+
+    fn end(&self, _: Stage) {}
+}
+
+#[test]
+fn every_step_of_the_points_is_announced_and_told_in_its_order() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let held = Held::open(place.path());
+    let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
+    let steps = Steps::default();
+    let mut watch = Watch::new(&steps);
+    begin(&inputs, &mut watch).unwrap().run(&Run::initial(Mode::Off.into()), &mut watch, &[], &mut |_, _| ()).unwrap();
+    assert_eq!(*steps.told.lock().unwrap(), PointStep::ALL);
+    assert_eq!(steps.announced.load(Ordering::Relaxed), PointStep::ALL.len());
+}
+
 #[test]
 fn views_that_are_held_out_cannot_become_inputs() {
     let place = tempfile::tempdir().unwrap();
@@ -182,6 +223,11 @@ fn adam(adam_steps: usize, refine_reduce: usize, deadline: Option<Deadline>) -> 
     Run { recipe: Recipe { adam_steps, refine_reduce, ..initial.recipe }, deadline, ..initial }
 }
 
+fn optimise(made: &mut Reconstruction, inputs: &Inputs, run: &Run<'_>) {
+    let marks = Marks { steps: &[], done: &mut |_, _| () };
+    made.optimise(inputs, run, AdamRates::default(), &mut Watch::new(&Silent), marks).unwrap();
+}
+
 #[test]
 fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
     let place = tempfile::tempdir().unwrap();
@@ -193,7 +239,7 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
         made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
         let before = made.scene.clone();
-        optimise(&mut made, &inputs, &adam(1, 1, None), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
+        optimise(&mut made, &inputs, &adam(1, 1, None));
         let colours = |scene: &GaussianSet| -> Vec<f32> {
             scene.attributes.iter().flat_map(|row| row[LOGIT_COLOUR].to_vec()).collect()
         };
@@ -217,7 +263,7 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
         let mut made = held.reconstruct();
         let objective = || objective(&made.scene, &views, &LossWeights::default());
         made.measured = measured_at.map(|reduce| KnownObjective { objective: objective(), reduce });
-        optimise(&mut made, &inputs, &adam(2, reduce, None), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
+        optimise(&mut made, &inputs, &adam(2, reduce, None));
         let summary = made.optimisation.unwrap();
         (made.scene, summary.losses, made.measured.is_none())
     };
@@ -229,6 +275,6 @@ fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_noth
     made.measured =
         Some(KnownObjective { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
     let deadline = Some(Deadline { until: std::time::Instant::now(), adam_steps: 9, adam_step_s: 1.0 });
-    optimise(&mut made, &inputs, &adam(0, 1, deadline), &mut Watch::new(&Silent), (&[], &mut |_, _| ())).unwrap();
+    optimise(&mut made, &inputs, &adam(0, 1, deadline));
     assert_eq!(made.optimisation.unwrap().losses.len(), 1);
 }

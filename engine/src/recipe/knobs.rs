@@ -262,7 +262,7 @@ pub const KNOBS: [Knob; 15] = [
         usual: "auto",
         value: "auto|cpu|gpu[:N]",
         help: "Where views are drawn, in a refinement and at the end: auto: on a real GPU where there is one, else by the processor; cpu: by the \
-               processor; gpu: on the first GPU, gpu:N: on that of number N, see --devices [default: auto]",
+               processor; gpu: on the first GPU, gpu:N: on that of number N [default: auto]",
         words: &[],
         aliases: &[],
         by_budget: false,

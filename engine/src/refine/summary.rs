@@ -139,15 +139,15 @@ impl RefineSummary {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RefineSeconds {
     /// Drawing the input views, and its gradient; with the loss where that is not known by itself.
-    pub render: f64,
+    pub(crate) render: f64,
     /// The loss of the drawn views, and its gradient, as far as it is known by itself.
-    pub loss: f64,
+    pub(crate) loss: f64,
     /// Whether `render` holds the loss of some drawings, as on a GPU.
-    pub loss_in_render: bool,
+    pub(crate) loss_in_render: bool,
     /// The network.
     pub network: f64,
     /// Drawing the input views once more, for the lengths of the steps.
-    pub lengths: f64,
+    pub(crate) lengths: f64,
 }
 
 impl RefineSeconds {
@@ -156,6 +156,11 @@ impl RefineSeconds {
         self.render += seconds.render;
         self.loss += seconds.loss.unwrap_or(0.0);
         self.loss_in_render |= seconds.loss.is_none();
+    }
+
+    /// Those of drawing the input views: for steps with their gradients, and for the lengths of the steps.
+    pub fn drawing(&self) -> f64 {
+        self.render + self.lengths
     }
 
     /// Those of the loss and its gradient; `None` where some of them are not known.

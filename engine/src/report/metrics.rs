@@ -113,9 +113,9 @@ pub struct Config {
     pub motion: Motion,
     /// Which lens distortion was taken.
     pub lenses: Lenses,
-    /// `--mounts`.
+    /// Which mounts of cameras were taken.
     pub mounts: Mounts,
-    /// `--shutters`.
+    /// Which statements on the moments of images were believed.
     pub shutters: Shutters,
     /// Whether cameras were to be brought to common colours.
     pub colours: Colours,

@@ -10,6 +10,7 @@ use std::io::Write;
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use flate2::{Compression, write::GzEncoder};
+use lgs_pages::escape;
 
 use crate::cloud::SplatCloud;
 
@@ -32,7 +33,7 @@ pub fn html(cloud: &SplatCloud, stops: &[Stop], title: &str) -> String {
     let last = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let cameras = serde_json::json!({ "title": title, "stops": stops, "span": [first, last] });
     let fills = [
-        ("{{TITLE}}", escaped(title)),
+        ("{{TITLE}}", escape(title)),
         ("{{LICENSES}}", LICENSES.replace("--", "- -")),
         // inside a script element only "</" could end it
         ("{{CAMERAS}}", cameras.to_string().replace('<', "\\u003c")),
@@ -48,11 +49,6 @@ pub fn html(cloud: &SplatCloud, stops: &[Stop], title: &str) -> String {
         rest = after;
     }
     page + rest
-}
-
-/// The text where markup is read.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// The bytes packed; the same bytes for the same input.

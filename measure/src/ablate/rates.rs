@@ -5,8 +5,8 @@ use std::path::Path;
 
 use lgs_engine::{
     gaussians::GaussianSet,
-    refine::adam::{Adam, AdamRates, AdamSettings, RateGroup},
-    views::View,
+    pipeline::{Marks, Reconstruction, Silent, StageTimes, Watch},
+    refine::adam::{AdamRates, RateGroup},
 };
 use lgs_formats::error::FormatError;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ pub const SEARCH_FILE: &str = "rates.json";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SearchSettings {
-    /// Numbers of steps after which a scene is measured, ascending; a trial's score is the mean PSNR over them.
+    /// Numbers of steps after which a scene is measured, ascending from 1 on; a trial's score is the mean PSNR over them.
     pub marks: Vec<usize>,
     /// Factors by which a rate is changed, one round over all groups for each.
     pub factors: Vec<f64>,
@@ -143,23 +143,27 @@ impl Search {
     }
 }
 
-/// Mean PSNR of the held-out views over the scenes after each number of steps (`marks`, ascending), decibels.
+/// Mean PSNR of the held-out views over the scenes after each number of steps (`marks`, ascending from 1 on), decibels.
 ///
 /// # Errors
 /// When a scene cannot be measured.
 pub fn psnr_after(starts: &[Start<'_>], rates: AdamRates, marks: &[usize]) -> Result<Vec<f64>> {
     let mut psnr = vec![0.0; marks.len()];
     for start in starts {
-        let mut scene = start.scene.clone();
-        let views: Vec<&View> = start.subject.views();
-        let mut adam = Adam::new(scene.len(), AdamSettings { rates, ..AdamSettings::default() });
-        let mut done = 0;
-        for (sum, &mark) in psnr.iter_mut().zip(marks) {
-            while done < mark {
-                adam.step(&mut scene, &views);
-                done += 1;
+        let (mut sums, mut failed) = (psnr.iter_mut(), None);
+        let mut done = |made: &Reconstruction, _: &StageTimes| match start.subject.figures(&made.scene) {
+            Ok(figures) => {
+                let of_mark = figures.psnr.unwrap_or(0.0) / starts.len() as f64;
+                sums.next().into_iter().for_each(|sum| *sum += of_mark);
             }
-            *sum += start.subject.figures(&scene)?.psnr.unwrap_or(0.0) / starts.len() as f64;
+            Err(error) => failed = failed.take().or(Some(error)),
+        };
+        let mut made = Reconstruction::of_scene(start.scene.clone());
+        let run = start.subject.adam(marks.last().copied().unwrap_or(0), None, 0);
+        let inputs = start.subject.session().inputs();
+        made.optimise(inputs, &run, rates, &mut Watch::new(&Silent), Marks { steps: marks, done: &mut done })?;
+        if let Some(error) = failed {
+            return Err(error);
         }
     }
     Ok(psnr)

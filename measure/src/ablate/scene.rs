@@ -6,13 +6,9 @@ use lgs_engine::{
     densify::{Density, DensityMap, Limit, Scope, Thresholds, UpdateCounts},
     gaussians::GaussianSet,
     network::model::Model,
-    pipeline::{NetworkRun, NetworkSettings, Silent, Watch, run_network},
+    pipeline::{Marks, NetworkRun, NetworkSettings, Reconstruction, Silent, StageTimes, Watch, run_network},
     recipe::Recipe,
-    refine::{
-        ViewSchedule,
-        adam::{Adam, AdamSettings},
-        refine_and_measure,
-    },
+    refine::{adam::AdamRates, refine_and_measure},
 };
 use lgs_train::velocity::{TrueVelocities, VelocityErrors};
 
@@ -176,24 +172,30 @@ impl Bench<'_> {
 
     /// Per-scene optimisation from 0 steps on.
     fn adam(&self, from: &GaussianSet, told: &mut dyn FnMut(u64)) -> Result<Vec<Point>> {
-        let (mut scene, views) = (from.clone(), self.subject.views());
-        let settings = AdamSettings {
-            schedule: ViewSchedule { views_per_step: self.settings.adam_views, seed: self.settings.seed },
-            ..AdamSettings::default()
-        };
-        let (mut adam, mut seconds) = (Adam::new(scene.len(), settings), 0.0);
-        let mut points = vec![self.point(from, 0, None, 0.0)?];
-        let mut done = 0;
-        for &mark in &self.settings.adam {
-            let mut loss = None;
-            let begun = Instant::now();
-            while done < mark {
-                loss = Some(adam.step(&mut scene, &views));
-                done += 1;
-                told(1);
+        let most = self.settings.adam.last().copied().unwrap_or(0);
+        let run = self.subject.adam(most, self.settings.adam_views, self.settings.seed);
+        let (mut points, mut failed) = (vec![self.point(from, 0, None, 0.0)?], None);
+        let (all, mut steps): (Vec<usize>, _) = ((1..=most).collect(), 0);
+        let mut done = |made: &Reconstruction, _: &StageTimes| {
+            steps += 1;
+            told(1);
+            if self.settings.adam.contains(&steps) {
+                match self.point(&made.scene, steps, None, made.seconds) {
+                    Ok(point) => points.push(point),
+                    Err(error) => failed = failed.take().or(Some(error)),
+                }
             }
-            seconds += begun.elapsed().as_secs_f64();
-            points.push(self.point(&scene, mark, loss, seconds)?);
+        };
+        let mut made = Reconstruction::of_scene(from.clone());
+        let marks = Marks { steps: &all, done: &mut done };
+        let inputs = self.subject.session().inputs();
+        made.optimise(inputs, &run, AdamRates::default(), &mut Watch::new(&Silent), marks)?;
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let losses = made.optimisation.map(|summary| summary.losses).unwrap_or_default();
+        for point in points.iter_mut().filter(|point| point.steps > 0) {
+            point.loss = losses.get(point.steps - 1).copied();
         }
         Ok(points)
     }

@@ -1,11 +1,13 @@
 //! A clip, ready to be reconstructed and measured: what the reconstruction reads, and apart from it what only the figures read.
 
-use std::sync::Arc;
+use std::{num::NonZeroUsize, sync::Arc};
 
 use lgs_engine::{
     evaluate::{ViewFigures, lpips::Lpips},
     gaussians::{GaussianSet, background::Mode},
     pipeline::{Reconstruction, Run, Session, Silent, Watch},
+    recipe::Recipe,
+    render::DeviceChoice,
     views::View,
 };
 use lgs_formats::clip_dir::ClipDir;
@@ -59,6 +61,13 @@ impl<'a> Subject<'a> {
     /// Whatever is wrong with a sweep.
     pub fn start(&self) -> Result<Reconstruction> {
         Ok(self.session.run(&Run::initial(Mode::Auto.into()), &mut Watch::new(&Silent))?)
+    }
+
+    /// So many steps of per-scene optimisation by the processor, each over `views_per_step` of the input views, or all.
+    pub fn adam(&self, adam_steps: usize, views_per_step: Option<NonZeroUsize>, seed: u64) -> Run<'static> {
+        let initial = Run::initial(Mode::Auto.into());
+        let recipe = Recipe { adam_steps, refine_views: views_per_step, device: DeviceChoice::Cpu, ..initial.recipe };
+        Run { recipe, seed, ..initial }
     }
 
     /// Mean figures of a scene over the held-out views.

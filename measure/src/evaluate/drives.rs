@@ -175,11 +175,11 @@ fn inside(place: &Path, levels: usize) -> Result<Vec<PathBuf>> {
 /// The name of a folder or file as names of results may be.
 fn plain_name(path: &Path) -> String {
     let is_file = path.is_file();
-    let of = |path: &Path| {
+    let name_of = |path: &Path| {
         let name = if is_file { path.file_stem() } else { path.file_name() };
         name.map(|name| name.to_string_lossy().into_owned())
     };
-    let name = of(path).or_else(|| of(&fs::canonicalize(path).ok()?)).unwrap_or_else(|| "drive".to_owned());
+    let name = name_of(path).or_else(|| name_of(&fs::canonicalize(path).ok()?)).unwrap_or_else(|| "drive".to_owned());
     plain(&name)
 }
 
@@ -216,29 +216,33 @@ mod tests {
             fs::write(dir.path().join(record), "").unwrap();
         }
         fs::write(dir.path().join("list"), "# comment\n\nx y\n  all/001 \n").unwrap();
-        let of = |arguments: &[&str], logs: &Logs| {
+        let names = |arguments: &[&str], logs: &Logs| {
             let paths: Vec<PathBuf> = arguments.iter().map(|a| dir.path().join(a)).collect();
             find_drives(&paths, logs).map(|found| found.into_iter().map(|drive| drive.name).collect::<Vec<_>>())
         };
-        assert_eq!(of(&["all"], &Logs::All).unwrap(), ["001", "002", "pandaset_158"]);
-        assert_eq!(of(&["all"], &Logs::Numbers(TEST_LOGS.to_vec())).unwrap(), ["001", "pandaset_158"]);
-        assert_eq!(of(&["all"], &Logs::Names(vec!["002".to_owned()])).unwrap(), ["002"]);
-        assert_eq!(of(&["all/002"], &Logs::Numbers(TEST_LOGS.to_vec())).unwrap(), ["002"], "a drive is taken as it is");
-        assert_eq!(of(&["waymo"], &Logs::All).unwrap(), ["b", "segment-1_2"]);
-        assert_eq!(of(&["list", "all/001"], &Logs::All).unwrap(), ["x_y", "001", "001~2"]);
+        assert_eq!(names(&["all"], &Logs::All).unwrap(), ["001", "002", "pandaset_158"]);
+        assert_eq!(names(&["all"], &Logs::Numbers(TEST_LOGS.to_vec())).unwrap(), ["001", "pandaset_158"]);
+        assert_eq!(names(&["all"], &Logs::Names(vec!["002".to_owned()])).unwrap(), ["002"]);
+        assert_eq!(
+            names(&["all/002"], &Logs::Numbers(TEST_LOGS.to_vec())).unwrap(),
+            ["002"],
+            "a drive is taken as it is"
+        );
+        assert_eq!(names(&["waymo"], &Logs::All).unwrap(), ["b", "segment-1_2"]);
+        assert_eq!(names(&["list", "all/001"], &Logs::All).unwrap(), ["x_y", "001", "001~2"]);
         for (date, drive) in [("d1", "a"), ("d1", "b"), ("d2", "c")] {
             let date = dir.path().join("kitti").join(date);
             fs::create_dir_all(date.join(drive).join("velodyne_points")).unwrap();
             fs::write(date.join("calib_cam_to_cam.txt"), "").unwrap();
         }
-        assert_eq!(of(&["kitti"], &Logs::All).unwrap(), ["a", "b", "d2"], "a folder with one drive is that drive");
-        assert_eq!(of(&["kitti/d1"], &Logs::All).unwrap(), ["a", "b"]);
-        assert_eq!(of(&["kitti/d1/a", "kitti/d2"], &Logs::All).unwrap(), ["a", "d2"]);
-        let message = of(&["all"], &Logs::Names(vec!["7".to_owned()])).unwrap_err().to_string();
+        assert_eq!(names(&["kitti"], &Logs::All).unwrap(), ["a", "b", "d2"], "a folder with one drive is that drive");
+        assert_eq!(names(&["kitti/d1"], &Logs::All).unwrap(), ["a", "b"]);
+        assert_eq!(names(&["kitti/d1/a", "kitti/d2"], &Logs::All).unwrap(), ["a", "d2"]);
+        let message = names(&["all"], &Logs::Names(vec!["7".to_owned()])).unwrap_err().to_string();
         assert!(message.starts_with("logs: expected one of 7, found none of them among the 3 drives"), "{message}");
         fs::create_dir(dir.path().join("empty")).unwrap();
-        let message = of(&["empty"], &Logs::All).unwrap_err().to_string();
+        let message = names(&["empty"], &Logs::All).unwrap_err().to_string();
         assert!(message.starts_with("DRIVES: expected a drive, a folder of drives"), "{message}");
-        assert!(of(&["nowhere"], &Logs::All).is_err() && of(&[], &Logs::All).is_err());
+        assert!(names(&["nowhere"], &Logs::All).is_err() && names(&[], &Logs::All).is_err());
     }
 }

@@ -124,10 +124,10 @@ mod tests {
 
     #[test]
     fn a_mean_is_over_those_that_have_the_figure() {
-        let of = |psnr: f64, ssim: Option<f64>| {
+        let figures = |psnr: f64, ssim: Option<f64>| {
             Figures::of(&ViewFigures { psnr: Some(psnr), ssim, ..ViewFigures::default() }, None)
         };
-        let all = [of(20.0, Some(0.5)), of(30.0, None)];
+        let all = [figures(20.0, Some(0.5)), figures(30.0, None)];
         let mean = Figures::mean(all.iter());
         assert_eq!((mean.get("psnr"), mean.get("ssim"), mean.get("dmae_dynamic")), (Some(25.0), Some(0.5), None));
     }

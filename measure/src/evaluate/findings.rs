@@ -134,12 +134,12 @@ mod tests {
 
     #[test]
     fn figures_are_of_the_papers_data_for_the_ten_whole_logs_alone() {
-        let of = |records: Vec<SnippetRecord>| findings(&Protocol::pandaset(), records).is_of_the_papers_data();
-        assert!(of(logs()));
-        assert!(!of(logs().split_off(1)), "a snippet is missing");
+        let is_papers = |records: Vec<SnippetRecord>| findings(&Protocol::pandaset(), records).is_of_the_papers_data();
+        assert!(is_papers(logs()));
+        assert!(!is_papers(logs().split_off(1)), "a snippet is missing");
         let mut other = logs();
         other.iter_mut().filter(|record| record.log == "001").for_each(|record| record.log = "002".to_owned());
-        assert!(!of(other), "another log");
+        assert!(!is_papers(other), "another log");
         assert!(!findings(&Protocol::waymo(), logs()).is_of_the_papers_data());
         let mut failed = findings(&Protocol::pandaset(), logs());
         failed.failed.push(FailedItem { item: "001-00000".to_owned(), reason: "why".to_owned() });

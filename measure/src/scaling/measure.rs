@@ -111,8 +111,10 @@ impl Bench<'_> {
         let mut work = Work::of(&initial, inputs.views(), self.model.map(|loaded| &loaded.model))?;
         (work.returns, work.frames) = (returns, session.frames().input.len());
         if let Some(refine) = passed.refine {
-            work.drawings = refine.losses.len();
             work.steps = refine.steps + usize::from(refine.stopped_early);
+            let lengths = self.model.map(|loaded| loaded.model.config.step_length);
+            let searches = lengths.is_some_and(|lengths| self.run().recipe.line_search.takes(lengths, false));
+            work.drawings = refine.losses.len() + if searches { work.steps } else { 0 };
         }
         let Need { image_bytes, return_bytes, .. } = Need::of(&sizes, returns as u64);
         let predicted_mb = image_bytes.saturating_add(return_bytes) as f64 / 1e6;
@@ -143,7 +145,7 @@ impl Bench<'_> {
         let stages = Stage::ALL.into_iter().filter_map(|stage| Some((Part::of(stage)?, times.get(stage))));
         seconds.extend(stages.filter(|(_, seconds)| *seconds > 0.0));
         if let Some(parts) = times.refine.filter(|_| self.model.is_some()) {
-            seconds.extend([(Part::RefineRender, parts.render), (Part::RefineNetwork, parts.network)]);
+            seconds.extend([(Part::RefineRender, parts.drawing()), (Part::RefineNetwork, parts.network)]);
             seconds.extend(parts.loss_alone().map(|loss| (Part::RefineLoss, loss)));
         }
         seconds.insert(Part::Total, total);

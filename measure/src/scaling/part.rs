@@ -1,6 +1,6 @@
 //! The parts of a run whose growth is looked at.
 
-use lgs_engine::pipeline::Stage;
+use lgs_engine::pipeline::{PointStep, Stage};
 use serde::{Deserialize, Serialize};
 
 use super::{fit::KINDS, plan::Axis, work::Work};
@@ -13,10 +13,14 @@ pub enum Part {
     Load,
     /// Sweeps meet in one frame.
     Cloud,
+    /// They are registered to each other.
+    Motion,
     /// Points take their colours from the images.
     Paint,
     /// Distances between points.
     Spacing,
+    /// Gaussians that are denser than the pixels become one.
+    Merge,
     /// What stands behind the returns.
     Background,
     /// The network's features, residuals and velocities.
@@ -45,11 +49,13 @@ pub enum Part {
 
 impl Part {
     /// Every part, in the order of the work.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Load,
         Self::Cloud,
+        Self::Motion,
         Self::Paint,
         Self::Spacing,
+        Self::Merge,
         Self::Background,
         Self::Backbone,
         Self::Query,
@@ -64,16 +70,15 @@ impl Part {
         Self::Total,
     ];
 
-    /// Steps of [`Stage::Points`], in their order.
-    pub const OF_POINTS: [Self; 3] = [Self::Cloud, Self::Paint, Self::Spacing];
-
     /// Its name in files.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Load => "load",
             Self::Cloud => "cloud",
+            Self::Motion => "motion",
             Self::Paint => "paint",
             Self::Spacing => "spacing",
+            Self::Merge => "merge",
             Self::Background => "background",
             Self::Backbone => "backbone",
             Self::Query => "query",
@@ -89,7 +94,7 @@ impl Part {
         }
     }
 
-    /// The part that a stage is, where it is one.
+    /// The part that a stage is, where it is one as a whole.
     pub const fn of(stage: Stage) -> Option<Self> {
         match stage {
             Stage::Load => Some(Self::Load),
@@ -105,12 +110,23 @@ impl Part {
         }
     }
 
+    /// The part that a step of [`Stage::Points`] is.
+    pub const fn of_step(step: PointStep) -> Self {
+        match step {
+            PointStep::Cloud => Self::Cloud,
+            PointStep::Motion => Self::Motion,
+            PointStep::Colours => Self::Paint,
+            PointStep::Spacing => Self::Spacing,
+            PointStep::Merging => Self::Merge,
+        }
+    }
+
     /// What its work is made of, along an axis.
     pub const fn units(self, axis: Axis) -> &'static [&'static str] {
         match self {
             Self::Load => &["pixels", "returns × cameras"],
-            Self::Cloud | Self::Spacing => &["returns"],
-            Self::Paint => &["returns × views"],
+            Self::Cloud | Self::Motion | Self::Spacing => &["returns"],
+            Self::Paint | Self::Merge => &["returns × views"],
             Self::Background => &["pixels", "Gaussians × views"],
             Self::Backbone => &["LiDAR Gaussians", "background Gaussians", "pairs of sites"],
             Self::Query => &["LiDAR Gaussians"],
@@ -137,8 +153,8 @@ impl Part {
         let drawn = work.gaussians() * work.views;
         match self {
             Self::Load => [work.pixels, over(work.returns * work.views, work.frames), 0],
-            Self::Cloud | Self::Spacing => [work.returns, 0, 0],
-            Self::Paint => [work.returns * work.views, 0, 0],
+            Self::Cloud | Self::Motion | Self::Spacing => [work.returns, 0, 0],
+            Self::Paint | Self::Merge => [work.returns * work.views, 0, 0],
             Self::Background => [work.pixels, drawn, 0],
             Self::Backbone => [work.lidar, work.background, pairs],
             Self::Query => [work.lidar, 0, 0],

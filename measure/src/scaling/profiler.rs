@@ -8,7 +8,7 @@ use std::{
 
 use lgs_engine::{
     allocator,
-    pipeline::{Progress, Stage},
+    pipeline::{PointStep, Progress, Stage},
 };
 
 use super::part::Part;
@@ -34,8 +34,6 @@ struct State {
     began: Instant,
     /// Resident memory at that moment, 10^6 bytes; `None` where it is not known.
     resident_mb: Option<f64>,
-    /// Steps of [`Stage::Points`] that are done.
-    steps: usize,
     found: StageCosts,
 }
 
@@ -51,7 +49,7 @@ pub struct StageCosts {
 impl StageProfiler {
     /// One that has noted nothing yet.
     pub fn new(wanted: Wanted) -> Self {
-        let state = State { began: Instant::now(), resident_mb: None, steps: 0, found: StageCosts::default() };
+        let state = State { began: Instant::now(), resident_mb: None, found: StageCosts::default() };
         Self { wanted, state: Mutex::new(state) }
     }
 
@@ -73,9 +71,6 @@ impl StageProfiler {
     }
 
     fn close(state: &mut State, part: Part) {
-        if Part::OF_POINTS.contains(&part) {
-            state.found.seconds.insert(part, state.began.elapsed().as_secs_f64());
-        }
         if let Some(risen) = state.resident_mb.zip(allocator::peak_rss_mb()).map(|(before, peak)| peak - before) {
             let most = state.found.memory_mb.entry(part).or_default();
             *most = most.max(risen);
@@ -87,22 +82,18 @@ impl Progress for StageProfiler {
     fn begin(&self, stage: Stage, _: usize) {
         // Figures are made while views are drawn: what both need counts for the drawing.
         if stage != Stage::Evaluate {
-            let mut state = self.state();
-            state.steps = 0;
-            self.restart(&mut state);
+            self.restart(&mut self.state());
         }
     }
 
-    fn step(&self, stage: Stage) {
-        if stage != Stage::Points {
-            return;
-        }
-        let mut state = self.state();
-        if let Some(&part) = Part::OF_POINTS.get(state.steps) {
-            state.steps += 1;
-            Self::close(&mut state, part);
-            self.restart(&mut state);
-        }
+    fn step(&self, _: Stage) {}
+
+    fn point_step(&self, step: PointStep) {
+        let (mut state, part) = (self.state(), Part::of_step(step));
+        let seconds = state.began.elapsed().as_secs_f64();
+        state.found.seconds.insert(part, seconds);
+        Self::close(&mut state, part);
+        self.restart(&mut state);
     }
 
     fn end(&self, stage: Stage) {
@@ -119,18 +110,18 @@ mod tests {
     #[test]
     fn steps_of_the_first_stage_are_parts_and_memory_is_what_was_needed_in_between() {
         let profiler = StageProfiler::new(Wanted::Memory);
-        profiler.begin(Stage::Points, 3);
-        for step in 0..3_u64 {
-            std::thread::sleep(std::time::Duration::from_millis(2 * step));
-            profiler.step(Stage::Points);
+        profiler.begin(Stage::Points, PointStep::ALL.len());
+        for (number, step) in (0_u64..).zip(PointStep::ALL) {
+            std::thread::sleep(std::time::Duration::from_millis(2 * number));
+            profiler.point_step(step);
         }
         profiler.end(Stage::Points);
         profiler.begin(Stage::Query, 1);
         let touched = std::hint::black_box(vec![1_u8; 100_000_000]);
         profiler.end(Stage::Query);
         let found = profiler.found();
-        assert_eq!(found.seconds.keys().copied().collect::<Vec<_>>(), Part::OF_POINTS);
-        assert!(found.seconds[&Part::Spacing] >= 0.004 && touched.len() == 100_000_000);
+        assert_eq!(found.seconds.keys().copied().collect::<Vec<_>>(), PointStep::ALL.map(Part::of_step));
+        assert!(found.seconds[&Part::Spacing] >= 0.006 && touched.len() == 100_000_000);
         if cfg!(target_os = "linux") {
             assert!((90.0..200.0).contains(&found.memory_mb[&Part::Query]), "{found:?}");
             assert!(found.memory_mb[&Part::Cloud] < 50.0, "{found:?}");

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// The value of `format` in the file of a size.
-pub const SIZE_FORMAT: &str = "lgs-scaling-size/1";
+pub const SIZE_FORMAT: &str = "lgs-scaling-size/2";
 
 /// What decides the figures beside the size: a record of other causes is not used again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -34,7 +34,7 @@ pub struct Work {
     pub background_pairs: usize,
     /// Pairs of a Gaussian and a tile that it can reach, in all views, at the start.
     pub intersections: usize,
-    /// How often the refinement drew all views.
+    /// How often the refinement drew all views: for its steps, and for their lengths.
     pub drawings: usize,
     /// How often the refinement's network ran.
     pub steps: usize,

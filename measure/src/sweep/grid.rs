@@ -15,7 +15,7 @@ pub struct Axis {
     pub name: &'static str,
     /// Names of the options.
     pub knobs: &'static [&'static str],
-    /// The word for no value; empty where there is always one.
+    /// The word that leaves the recipe as it is; empty where there is none.
     pub none: &'static str,
     /// The values that are tried where nobody says otherwise, separated by commas.
     pub usual: &'static str,
@@ -44,8 +44,8 @@ pub const AXES: [Axis; 12] = [
         name: "density",
         knobs: &["density"],
         none: "",
-        usual: "policy,off",
-        help: "Who prunes and adds primitives; policy and random for weights that have a policy",
+        usual: "exact,off",
+        help: "Who prunes and adds primitives: exact, off; policy and random for weights that have a policy",
     },
     Axis {
         name: "density-scope",
@@ -64,9 +64,10 @@ pub const AXES: [Axis; 12] = [
     Axis {
         name: "max-gaussians",
         knobs: &["max-gaussians"],
-        none: "",
-        usual: "none",
-        help: "Largest numbers of Gaussians after pruning and adding, of those that the density may change, shares of those before, or none",
+        none: "usual",
+        usual: "usual",
+        help: "Largest numbers of Gaussians after pruning and adding, of those that the density may change, shares of those before, none, or \
+               usual: 70% with exact effects, else none",
     },
     Axis {
         name: "refine-steps",

@@ -3,7 +3,7 @@
 use lgs_engine::{
     densify::{Density, Scope},
     gaussians::background::Mode,
-    recipe::{Recipe, word},
+    recipe::{Recipe, usual_limit, word},
     refine::LineSearch,
 };
 use serde::{Deserialize, Serialize};
@@ -74,18 +74,20 @@ impl Setting {
         if recipe.network {
             parts.extend((!recipe.query).then(|| "no query".to_owned()));
             match recipe.density {
-                Density::Policy => {}
-                Density::Exact if recipe.density_scope == Scope::Lidar => {
-                    parts.push("LiDAR pruned by exact effects".to_owned())
+                Density::Exact => {
+                    parts.extend((recipe.density_scope == Scope::Lidar).then(|| "LiDAR alone pruned".to_owned()));
                 }
-                Density::Exact => parts.push("pruned by exact effects".to_owned()),
+                Density::Policy => parts.push("density by policy".to_owned()),
                 Density::Random => parts.push("density by chance".to_owned()),
-                Density::Off => parts.push("no policy".to_owned()),
+                Density::Off => parts.push("no pruning".to_owned()),
             }
             if recipe.density != Density::Off && !recipe.thresholds.are_usual() {
                 parts.push(format!("theta {}", recipe.thresholds.prune));
             }
-            parts.extend(recipe.max_gaussians.map(|most| format!("at most {most}")));
+            if recipe.max_gaussians != usual_limit(recipe.density) {
+                let limit = |most| format!("at most {most}");
+                parts.push(recipe.max_gaussians.map_or("no limit".to_owned(), limit));
+            }
         }
         match recipe.background {
             Mode::Auto => {}
@@ -94,5 +96,25 @@ impl Setting {
         }
         parts.extend((!recipe.coarseness.is_usual()).then(|| format!("coarseness {}", recipe.coarseness)));
         parts.join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lgs_engine::densify::Limit;
+
+    use super::*;
+
+    #[test]
+    fn a_name_says_what_is_not_as_usual() {
+        let usual = Recipe::default();
+        let name = |recipe: Recipe| Setting { weights: None, recipe }.name();
+        assert_eq!(name(usual), "3 steps");
+        assert_eq!(name(Recipe { density_scope: Scope::Lidar, ..usual }), "3 steps, LiDAR alone pruned");
+        assert_eq!(name(Recipe { max_gaussians: None, ..usual }), "3 steps, no limit");
+        assert_eq!(name(usual.with_density(Density::Policy)), "3 steps, density by policy");
+        assert_eq!(name(usual.with_density(Density::Off)), "3 steps, no pruning");
+        let fewer = Recipe { max_gaussians: Some(Limit::Count(9)), ..usual.with_density(Density::Random) };
+        assert_eq!(name(fewer), "3 steps, density by chance, at most 9");
     }
 }

@@ -174,10 +174,10 @@ fn scenes_of_a_release() -> Outcome {
     eval(place.path(), &[&["release"], SMALL.as_slice(), &["--out", "both"]].concat())?.expect_success()?;
     let (one, both) = (evaluation(&place.path().join("one"))?, evaluation(&place.path().join("both"))?);
     let snippets = both["snippets"].as_array().cloned().unwrap_or_default();
-    let of = |log: &str| -> Vec<Value> {
+    let runs_of = |log: &str| -> Vec<Value> {
         snippets.iter().filter(|snippet| snippet["log"] == log).map(|snippet| snippet["runs"].clone()).collect()
     };
-    let (first, second) = (of("scene-0001"), of("scene-0001b"));
+    let (first, second) = (runs_of("scene-0001"), runs_of("scene-0001b"));
     if first.is_empty() || first != second || one["means"][0]["image"] != both["means"][0]["image"] {
         return Err(format!("{} snippets: {} and {}", snippets.len(), first.len(), second.len()).into());
     }

@@ -171,7 +171,7 @@ pub(super) fn drawn_splats(splats: &[Splat]) -> Result<(Rendered, Vec<SplatGradi
     };
     let (images, gradients) = if ON_GPU.get() {
         let gpu = adapter::gpu().map_err(|needed| format!("{needed:?}"))?;
-        let drawn = render_and_backward(gpu, splats, (&AHEAD, behind), &ones, [&[], &[]]).map_err(failed)?;
+        let drawn = render_and_backward(gpu, splats, &AHEAD, behind, &ones, [&[], &[]]).map_err(failed)?;
         (drawn.images, drawn.splats)
     } else {
         let state = render_for_gradient(splats, &AHEAD, behind);

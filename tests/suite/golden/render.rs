@@ -119,7 +119,7 @@ fn gpu_gradients(_name: &str, golden: &RenderGolden) -> Outcome {
     let (splats, view) = (splats(&golden.gaussians), pinhole(&golden.camera));
     for (name, loss) in [("main", &golden.main), ("expected depth", &golden.expected_depth)] {
         let gradient = image_gradient(&loss.weights);
-        let drawn = gpu::render_and_backward(gpu, &splats, (&view, [0.0; 3]), &gradient, [&[], &[]])?;
+        let drawn = gpu::render_and_backward(gpu, &splats, &view, [0.0; 3], &gradient, [&[], &[]])?;
         compare_gradients(name, &gradients_of(&drawn.splats), loss, golden, GPU_GRADIENT)?;
     }
     Ok(())

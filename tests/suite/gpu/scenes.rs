@@ -36,7 +36,7 @@ const GRADIENT: f64 = 2e-3;
 
 fn drawn(splats: &[Splat], view: &PinholeView, gradient: &ImageGradient) -> Result<Gradients, libtest_mimic::Failed> {
     let gpu = adapter::gpu().map_err(|needed| format!("{needed:?}"))?;
-    Ok(render_and_backward(gpu, splats, (view, SINGLE_BACKGROUND), gradient, [&[], &[]])?)
+    Ok(render_and_backward(gpu, splats, view, SINGLE_BACKGROUND, gradient, [&[], &[]])?)
 }
 
 fn flat(gradients: &[SplatGradient]) -> Vec<f64> {
@@ -192,7 +192,7 @@ fn sums_are_taken_in_runs_of_tiles() -> Outcome {
     }
     let index = adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index;
     let small = open_limited(index, most as u64)?;
-    let parted = render_and_backward(small, &splats, (&view, SINGLE_BACKGROUND), &weights, [&[], &[]])?;
+    let parted = render_and_backward(small, &splats, &view, SINGLE_BACKGROUND, &weights, [&[], &[]])?;
     same_bits("images", &parted.images.rgb, &whole.images.rgb)?;
     same_bits("gradients", &single(&flat(&parted.splats)), &single(&flat(&whole.splats)))
 }

@@ -50,8 +50,7 @@ impl Renderer {
             Self::Gpu => {
                 let (splats, view) = (splats(&scene.gaussians), pinhole(&scene.camera));
                 let gradient = image_gradient(v_images);
-                let drawn = (&view, SINGLE_BACKGROUND);
-                let got = gpu::render_and_backward(opened(), &splats, drawn, &gradient, [&[], &[]]);
+                let got = gpu::render_and_backward(opened(), &splats, &view, SINGLE_BACKGROUND, &gradient, [&[], &[]]);
                 gradients_of(&got.expect("the GPU draws").splats)
             }
         }

@@ -5,11 +5,13 @@ mod backbone;
 mod finetune;
 mod fixtures;
 mod policy;
+mod validate;
 mod weights;
 
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    let all = [ablate::cases(), backbone::cases(), policy::cases(), finetune::cases(), weights::cases()];
+    let all =
+        [ablate::cases(), backbone::cases(), policy::cases(), finetune::cases(), validate::cases(), weights::cases()];
     all.into_iter().flatten().collect()
 }

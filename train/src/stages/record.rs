@@ -1,8 +1,9 @@
 //! Tables of what a run did, as CSV.
 
-use std::{fmt::Write as _, path::PathBuf};
+use std::path::PathBuf;
 
 use lgs_formats::{error::FormatError, write::write_atomic};
+use lgs_pages::{csv, csv_rows};
 
 use crate::error::Result;
 
@@ -25,9 +26,9 @@ impl Table {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             Err(error) => return Err(FormatError::io(&file, "read", error).into()),
         };
-        let mut lines = text.lines();
-        let same = lines.next().is_some_and(|head| head == columns.join(","));
-        let parse = |line: &str| line.split(',').map(|v| v.parse().ok()).collect::<Option<Vec<f64>>>();
+        let mut lines = csv_rows(&text).into_iter();
+        let same = lines.next().is_some_and(|head| head == columns);
+        let parse = |line: Vec<String>| line.iter().map(|value| value.parse().ok()).collect::<Option<Vec<f64>>>();
         let mut rows: Vec<Vec<f64>> = if same { lines.filter_map(parse).collect() } else { Vec::new() };
         rows.retain(|row| row.len() == columns.len() && row[0] <= step as f64);
         Ok(Self { file, columns, rows })
@@ -53,14 +54,9 @@ impl Table {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self) -> Result<()> {
-        let mut text = self.columns.join(",") + "\n";
-        for row in &self.rows {
-            for (k, value) in row.iter().enumerate() {
-                // Writing to a string cannot fail.
-                let _ = write!(text, "{}{value}", if k > 0 { "," } else { "" });
-            }
-            text.push('\n');
-        }
+        let head: Vec<&str> = self.columns.iter().map(String::as_str).collect();
+        let lines = self.rows.iter().map(|row| row.iter().map(f64::to_string).collect::<Vec<_>>());
+        let text = csv(&head, lines);
         Ok(write_atomic(&self.file, text.as_bytes())?)
     }
 }
@@ -77,6 +73,7 @@ mod tests {
         (1..=3).for_each(|k| table.push(vec![f64::from(k), 0.1 * f64::from(k)]));
         table.push(vec![4.0, f64::NAN]);
         table.write().unwrap();
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "step,x\n1,0.1\n2,0.2\n3,0.30000000000000004\n4,NaN\n");
         let again = Table::open(file.clone(), columns, 2).unwrap();
         assert_eq!(again.rows(), [vec![1.0, 0.1], vec![2.0, 0.2]]);
         let others = Table::open(file, vec!["step".to_owned()], 9).unwrap();

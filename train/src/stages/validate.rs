@@ -1,14 +1,16 @@
-//! What a model is worth on held-out views of clips that training does not read, by the exact path of inference.
+//! What a model is worth on held-out views of clips that training does not read: what `lgs-infer` makes of them, but that no Gaussians are pruned
+//! by exact effects. Training asks what network and policy do, and most of its scenes are not pruned either.
 
 use std::{path::Path, sync::Arc};
 
 use lgs_engine::{
-    densify::{Scores, apply, decide},
+    densify::Density,
     gaussians::{GaussianSet, background::Mode},
     network::model::Model,
-    pipeline::{HoldOut, MemorySettings, Opening, Run, Session, Silent, Watch},
-    predict::{backbone, predict, query, scores},
-    refine::refine,
+    pipeline::{HoldOut, MemorySettings, NetworkSettings, Opening, Run, Session, Silent, Watch, run_network},
+    recipe::Recipe,
+    refine::refine_and_measure,
+    render::DeviceChoice,
     views::{Selection, View},
 };
 use lgs_formats::{clip_dir::ClipDir, image::ImageSize};
@@ -61,25 +63,33 @@ impl ValidationClip {
     pub fn score(&self, model: &Model, refine_steps: usize, update: Option<SetUpdate>) -> Result<Score> {
         let mut set = self.start.clone();
         let start = self.psnr(&set)?;
-        let mut features = backbone(&set, model)?;
-        query(&mut features, &set, model)?;
-        predict(&mut set, &features, model)?;
-        if let Some((thresholds, limit)) = update
-            && let Some([prune, add]) = scores(&features, &set, model)?
-        {
-            set = apply(&set, &decide(&Scores { prune, add }, thresholds, limit)?, 0)?;
-        }
-        let mut after = vec![self.psnr(&set)?];
         let views: Vec<&View> = self.session.inputs().views().iter().collect();
-        for _ in 0..refine_steps {
-            refine(&mut set, &views, model, 1, || ())?;
-            after.push(self.psnr(&set)?);
+        let settings = NetworkSettings::of(&predicted(model, update), model, 0, None);
+        run_network(&mut set, &views, &settings, &mut Watch::new(&Silent))?;
+        let (mut after, mut failed) = (vec![self.psnr(&set)?], None);
+        refine_and_measure(&mut set, &views, model, refine_steps, |set| match self.psnr(set) {
+            Ok(psnr) => after.push(psnr),
+            Err(error) => failed = failed.take().or(Some(error)),
+        })?;
+        if let Some(error) = failed {
+            return Err(error);
         }
+        // A step that did not help ended the refinement: the scene stays as it is.
+        after.resize(refine_steps + 1, after[after.len() - 1]);
         Ok(Score { start, after })
     }
 
     fn psnr(&self, set: &GaussianSet) -> Result<f64> {
         Ok(self.session.mean_figures(set, &self.held_out, None)?.psnr.unwrap_or(0.0))
+    }
+}
+
+/// Prediction and, where there is one, the policy's update of the set; no refinement yet.
+fn predicted(model: &Model, update: Option<SetUpdate>) -> Recipe {
+    let still = Recipe { refine_steps: 0, device: DeviceChoice::Cpu, ..Recipe::default().with_density(Density::Off) };
+    match update.filter(|_| model.policy.is_some()) {
+        Some((thresholds, max_gaussians)) => Recipe { density: Density::Policy, thresholds, max_gaussians, ..still },
+        None => still,
     }
 }
 

@@ -37,7 +37,7 @@ impl Plan {
     }
 
     /// Notes how a budget was spent on `made`, by a run that began at `start`: the flags of the recipe are those that make it again.
-    pub(crate) fn spent(&mut self, made: &Reconstruction, start: Instant) {
+    pub(crate) fn record_run(&mut self, made: &Reconstruction, start: Instant) {
         let Some(budget) = &mut self.budget else { return };
         budget.finished_s = start.elapsed().as_secs_f64();
         self.recipe.adam_steps = made.optimisation.as_ref().map_or(0, |summary| summary.losses.len());

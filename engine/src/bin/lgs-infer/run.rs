@@ -89,7 +89,7 @@ fn infer(args: &Args, clip: &Path) -> Result<Outcome> {
     let model = model.filter(|_| plan.recipe.network);
     let run = plan.run(model.as_ref().map(|loaded| &loaded.model), args.seed);
     let reconstruction = begun.run(&run, &mut watch, &[], &mut |_, _| ())?;
-    plan.spent(&reconstruction, start);
+    plan.record_run(&reconstruction, start);
     let shown = run_of.shown();
     let scene = to_cloud(&reconstruction.scene, reconstruction.density.as_ref(), shown)?;
     let drawn = run_of.draw(&reconstruction.scene, reconstruction.density.as_ref(), &mut watch)?;

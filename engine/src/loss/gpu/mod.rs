@@ -104,23 +104,24 @@ impl LossSums {
     pub(crate) fn truth<'v>(
         &self,
         work: &mut Work<'_>,
-        (number, view): (usize, &'v View),
+        number: usize,
+        view: &'v View,
         kept: &mut Kept<'v>,
     ) -> Result<Truth, GpuError> {
-        let of = self.views[number];
+        let place = self.views[number];
         let pixels = kept.truth(work, view)?;
         let size = [view.pinhole.width, view.pinhole.height].map(to_u32);
         let pair = Pair {
-            size: [size[0], size[1], of.size[0], of.size[1]],
+            size: [size[0], size[1], place.size[0], place.size[1]],
             slopes: [
-                over(self.weights.l1, 3 * of.counts.pixels),
-                over(self.weights.ssim, 3 * of.counts.centres),
-                over(self.weights.depth, of.counts.samples),
+                over(self.weights.l1, 3 * place.counts.pixels),
+                over(self.weights.ssim, 3 * place.counts.centres),
+                over(self.weights.depth, place.counts.samples),
                 DEPTH,
             ],
-            first: [of.first, 0, 0, 0],
+            first: [place.first, 0, 0, 0],
         };
-        Ok(Truth { pixels, pair: work.tell(&pair), view: of, num_pixels: view.pinhole.num_pixels() })
+        Ok(Truth { pixels, pair: work.tell(&pair), view: place, num_pixels: view.pinhole.num_pixels() })
     }
 
     /// The gradient of a drawn view's loss by its pixels; its sums are kept.
@@ -191,7 +192,7 @@ pub(crate) fn add_effects<'v>(
 ) -> Result<(), GpuError> {
     // The similarity alone counts as linear.
     let linear = LossSums::new(work, &[view], &LossWeights { l1: 0.0, depth: 0.0, ..*weights })?;
-    let truth = linear.truth(work, (0, view), kept)?;
+    let truth = linear.truth(work, 0, view, kept)?;
     let slopes = linear.gradient(work, &truth, drawn)?;
     let LossCounts { pixels, samples, .. } = truth.view.counts;
     let colour = over(weights.l1, 3 * pixels);

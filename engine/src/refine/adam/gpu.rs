@@ -62,7 +62,7 @@ impl<'v> Adam<'v> {
             let there = self.there.insert(there);
             let done = self.summary.losses.len();
             let chosen = self.settings.schedule.of_step(done, views);
-            there.step(&mut work, (&self.settings, done), &chosen, &mut self.kept)
+            there.step(&mut work, &self.settings, done, &chosen, &mut self.kept)
         });
         let Some((loss, spoiled, seconds)) = step else {
             self.settle_there(set, views);
@@ -123,7 +123,8 @@ impl There {
     fn step<'v>(
         &self,
         work: &mut Work<'_>,
-        (settings, done): (&AdamSettings, usize),
+        settings: &AdamSettings,
+        done: usize,
         views: &[&'v View],
         kept: &mut Kept<'v>,
     ) -> Result<(f64, usize, ObjectiveSeconds), GpuError> {

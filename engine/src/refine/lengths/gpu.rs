@@ -22,7 +22,7 @@ pub(super) fn agreements<'v>(
     let sums = gpu::LossSums::new(&mut work, views, &LossWeights::default())?;
     for (number, view) in views.iter().enumerate() {
         let drawn = work.draw(&scene, &view.pinhole, BEHIND)?;
-        let truth = sums.truth(&mut work, (number, view), kept)?;
+        let truth = sums.truth(&mut work, number, view, kept)?;
         let before = match before.get(number) {
             Some(image) => gpu::colours_before(&mut work, image)?,
             None => kept.drawn(&work, number).ok_or_else(|| GpuError::Lost("a drawn image is no more".to_owned()))?,

@@ -124,7 +124,8 @@ pub struct Gradients {
 pub fn render_and_backward(
     gpu: &Gpu,
     splats: &[Splat],
-    (view, background): (&PinholeView, [f32; 3]),
+    view: &PinholeView,
+    background: [f32; 3],
     gradient: &ImageGradient,
     maps: [&[f32]; 2],
 ) -> Result<Gradients, GpuError> {

@@ -153,11 +153,11 @@ fn recipes(args: &JobArgs, model: Option<&LoadedModel>) -> Result<Vec<NamedRecip
         }]);
     }
     let record = Record::shipped()?;
-    let of = |preset: Named| NamedRecipe {
+    let recipe_of = |preset: Named| NamedRecipe {
         name: name(preset).to_owned(),
         recipe: fitted(args.recipe.of(record.preset(preset))),
     };
-    Ok(presets.into_iter().map(of).collect())
+    Ok(presets.into_iter().map(recipe_of).collect())
 }
 
 /// LPIPS, and SHA-256 of its weights.

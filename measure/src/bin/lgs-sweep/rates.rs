@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use lgs_cli::threads;
 use lgs_engine::{
     densify::Density,
@@ -22,6 +22,9 @@ use crate::rates_args::RatesArgs;
 
 /// The text for standard output.
 pub(crate) fn rates(args: &RatesArgs) -> Result<String> {
+    if !args.marks.is_sorted_by(|a, b| a < b) || args.marks.first() == Some(&0) {
+        bail!("--marks: expected ascending numbers from 1 on, found {:?}", args.marks);
+    }
     threads::set_num_threads(args.threads)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("{}: create", args.out.display()))?;
     let model = args.weights.load(0)?;

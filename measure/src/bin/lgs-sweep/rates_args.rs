@@ -28,7 +28,7 @@ pub(crate) struct RatesArgs {
     /// Weights whose prediction is optimised; `none`: the initial Gaussians are
     #[arg(long, value_name = "FILE|tiny|none", default_value = "none")]
     pub(crate) weights: ModelSource,
-    /// Numbers of steps after which the held-out views are measured, ascending
+    /// Numbers of steps after which the held-out views are measured, ascending from 1 on
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_values_t = [30, 100])]
     pub(crate) marks: Vec<usize>,
     /// Factors by which rates are changed, one round for each

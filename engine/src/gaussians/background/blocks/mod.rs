@@ -91,11 +91,12 @@ impl Block {
 /// Large ones are taken first, wherever they fit: they begin at no fixed grid, so that an edge of the scene costs as many small ones
 /// wherever it lies.
 ///
-/// `open`: whether the pixel of an index is, in these rows of the image; none is in the others.
+/// `open`: whether the pixel of an index is, in the rows `band` of the image; none is in the others.
 pub(super) fn blocks(
     view: &View,
     sheet: &Sheet,
-    (band, open): (Range<usize>, impl Fn(usize) -> bool + Sync),
+    band: Range<usize>,
+    open: impl Fn(usize) -> bool + Sync,
     coarseness: Coarseness,
 ) -> Vec<Block> {
     let [width, height] = [view.pinhole.width, view.pinhole.height];
@@ -193,7 +194,7 @@ mod tests {
     }
 
     fn usual((view, sheet): &(View, Sheet)) -> Vec<Block> {
-        blocks(view, sheet, (0..SIZE[1], |_| true), Coarseness::default())
+        blocks(view, sheet, 0..SIZE[1], |_| true, Coarseness::default())
     }
 
     #[test]
@@ -204,7 +205,7 @@ mod tests {
         let open: Vec<bool> = (0..SIZE[0] * SIZE[1]).map(|pixel| pixel % 11 != 3).collect();
         for factor in [0.0, 0.5, 1.0, 8.0] {
             let mut counts = vec![0; open.len()];
-            for block in blocks(&view, &sheet, (0..SIZE[1], |pixel| open[pixel]), Coarseness::new(factor).unwrap()) {
+            for block in blocks(&view, &sheet, 0..SIZE[1], |pixel| open[pixel], Coarseness::new(factor).unwrap()) {
                 block.pixels(SIZE[0]).for_each(|pixel| counts[pixel] += 1);
             }
             for (pixel, (&count, &open)) in counts.iter().zip(&open).enumerate() {
@@ -216,7 +217,7 @@ mod tests {
     #[test]
     fn the_finest_are_single_pixels_and_a_plain_wall_takes_few() {
         let wall = scene(|_, _| (0.5, 0.1));
-        let count = |coarseness| blocks(&wall.0, &wall.1, (0..SIZE[1], |_| true), coarseness).len();
+        let count = |coarseness| blocks(&wall.0, &wall.1, 0..SIZE[1], |_| true, coarseness).len();
         assert_eq!(count(Coarseness::FINEST), SIZE[0] * SIZE[1]);
         let [usual, coarse] = [1.0, 3.0].map(|factor| count(Coarseness::new(factor).unwrap()));
         assert!(usual < SIZE[0] * SIZE[1] / 30 && coarse < usual, "{usual} {coarse}");
