@@ -1,5 +1,6 @@
 //! The background branch: what stands behind, between and above the returns.
 
+mod backdrop;
 mod backstop;
 mod blocks;
 mod coverage;
@@ -12,25 +13,16 @@ mod sky;
 
 use std::cmp::Reverse;
 
-use lgs_formats::{casts::to_u32, image::PixelLabel};
-use rayon::prelude::*;
+use lgs_formats::image::PixelLabel;
 use serde::{Deserialize, Serialize};
 
 pub use self::maps::MapFit;
-use self::{
-    coverage::{Coverage, Shape},
-    depth::Trust,
-    emit::Wanted,
-    maps::Aligned,
-};
-use super::{Coarseness, Gaussian, GaussianSet, NUM_ATTRIBUTES, Start, mean_of, motion::Movement};
+use self::{backdrop::Backdrop, depth::Trust, maps::Aligned};
+use super::{GaussianSet, Start, motion::Movement};
 use crate::{
-    points::{PointCloud, samples_at},
+    points::PointCloud,
     views::{PinholeView, Role, View},
 };
-
-/// Images of one camera that are nearer in time than this say nothing about its speed, seconds.
-const SAME_MOMENT: f32 = 1e-3;
 
 /// Where the background comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,134 +93,19 @@ pub(crate) fn add_background(
         Mode::Depth => without_maps(depth::sheets(&views, cloud, radius)),
         Mode::Auto | Mode::Maps => maps::sheets(&views, cloud, radius),
     };
-    let shapes = Shape::moving(set);
-    let covered = |view: &&View| {
-        let mut coverage = Coverage::new(&view.pinhole);
-        coverage.add(&view.pinhole, &shapes);
-        coverage
-    };
-    let coverages = views.par_iter().map(covered).collect();
-    let mut backdrop = Backdrop { views, sheets, coverages };
+    let mut backdrop = Backdrop::new(views, sheets, set);
     backdrop.add_moving(set, cloud, &things, coarseness);
     backdrop.add_pixels(set, coarseness);
-    if matches!(mode, Mode::Sky | Mode::Gaps) {
-        return fits;
+    if !matches!(mode, Mode::Sky | Mode::Gaps) {
+        backdrop.add_own_vehicle(set, coarseness);
+        backdrop.add_backstop(set, coarseness);
     }
-    backdrop.add_own_vehicle(set, coarseness);
-    let behind = |(view, sheet): (&&View, &Sheet)| backstop::rows(view, sheet, coarseness);
-    let behind: Vec<_> = backdrop.views.par_iter().zip(&backdrop.sheets).map(behind).collect();
-    backdrop.views.iter().zip(behind).for_each(|(view, rows)| append(set, view, rows));
     fits
-}
-
-/// What is behind the pixels of the input views, and which of them Gaussians cover.
-struct Backdrop<'a> {
-    /// From the middle frame outwards.
-    views: Vec<&'a View>,
-    /// `[views]`
-    sheets: Vec<Sheet>,
-    /// `[views]`
-    coverages: Vec<Coverage>,
-}
-
-impl<'a> Backdrop<'a> {
-    /// Appends Gaussians for the uncovered pixels of what moves, and takes these pixels from the sheets.
-    fn add_moving(
-        &mut self,
-        set: &mut GaussianSet,
-        still: &PointCloud,
-        things: &[moving::Thing],
-        coarseness: Coarseness,
-    ) {
-        let velocities = vec![[0.0; 3]; still.len()];
-        for k in 0..self.views.len() {
-            let view = self.views[k];
-            let things: Vec<&moving::Thing> =
-                things.iter().filter(|thing| u32::try_from(view.frame) == Ok(thing.flow.frame)).collect();
-            let standing = samples_at(still, &velocities, view);
-            let shown = moving::shown(view, &self.sheets[k], &standing, &things, &self.sources(k));
-            let mut own = Sheet::unknown(view);
-            for (thing, shown) in things.into_iter().zip(shown) {
-                let Some(shown) = shown else { continue };
-                for &(pixel, inverse) in &shown.pixels {
-                    self.sheets[k].trust[pixel] = Trust::Unknown;
-                    (own.inverse_depths[pixel], own.trust[pixel]) = (inverse, Trust::Alone);
-                }
-                let wanted = Wanted { trust: Trust::Alone, rows: shown.rows };
-                let rows = emit::rows(view, &own, &self.coverages[k], wanted, &[], coarseness);
-                shown.pixels.iter().for_each(|&(pixel, _)| own.trust[pixel] = Trust::Unknown);
-                let first = set.len();
-                moving::append(set, view, thing, &rows);
-                let mut shapes = Shape::of(&set.attributes[first..]);
-                for (shape, i) in shapes.iter_mut().zip(first..) {
-                    shape.move_as(set.times[i], set.velocities[i]);
-                }
-                self.cover(&shapes);
-            }
-        }
-    }
-
-    /// Appends Gaussians for all uncovered pixels of a known depth.
-    fn add_pixels(&mut self, set: &mut GaussianSet, coarseness: Coarseness) {
-        for trust in [Trust::Confirmed, Trust::Alone, Trust::Contradicted] {
-            for k in 0..self.views.len() {
-                let view = self.views[k];
-                let wanted = Wanted { trust, rows: 0..view.pinhole.height };
-                let rows = emit::rows(view, &self.sheets[k], &self.coverages[k], wanted, &self.sources(k), coarseness);
-                self.cover(&Shape::of(&rows));
-                append(set, view, rows);
-            }
-        }
-    }
-
-    /// Appends Gaussians for the own vehicle as the first view of each camera shows it, which move with the camera.
-    fn add_own_vehicle(&self, set: &mut GaussianSet, coarseness: Coarseness) {
-        for (k, &view) in self.views.iter().enumerate() {
-            let first = !self.views[..k].iter().any(|other| other.camera == view.camera);
-            let Some(other) = self.sources(k).first().copied().filter(|_| first) else { continue };
-            let nothing = Coverage::new(&view.pinhole);
-            let wanted = Wanted { trust: Trust::OwnVehicle, rows: 0..view.pinhole.height };
-            let rows = emit::rows(view, &self.sheets[k], &nothing, wanted, &[], coarseness);
-            let velocity = velocity(&view.pinhole, &other.pinhole);
-            for attributes in rows {
-                let time = view.pinhole.exposed_at(mean_of(&attributes));
-                set.push(Gaussian { attributes, time, frame: frame_of(view), velocity });
-            }
-        }
-    }
-
-    /// The views that the one at `k` is compared with.
-    fn sources(&self, k: usize) -> Vec<&'a View> {
-        depth::sources(&self.views, k).into_iter().map(|j| self.views[j]).collect()
-    }
-
-    fn cover(&mut self, shapes: &[Shape]) {
-        let views = self.views.par_iter().zip(&mut self.coverages);
-        views.for_each(|(view, coverage)| coverage.add(&view.pinhole, shapes));
-    }
-}
-
-/// Appends Gaussians that stand still and that an image asked for.
-fn append(set: &mut GaussianSet, view: &View, rows: Vec<[f32; NUM_ATTRIBUTES]>) {
-    let frame = frame_of(view);
-    for attributes in rows {
-        set.push(Gaussian { attributes, time: 0.0, frame, velocity: [0.0; 3] });
-    }
-}
-
-fn frame_of(view: &View) -> u32 {
-    to_u32(view.frame)
 }
 
 /// Whether a pixel takes part in nothing.
 fn is_ignored(view: &View, pixel: usize) -> bool {
     view.labels.as_ref().is_some_and(|labels| labels[pixel] == PixelLabel::Ignored)
-}
-
-/// Velocity (metres a second) of a camera between two of its images; 0 when they were taken at the same moment, or nearly.
-fn velocity(from: &PinholeView, to: &PinholeView) -> [f32; 3] {
-    let (a, b, seconds) = (from.centre(), to.centre(), to.time - from.time);
-    if seconds.abs() < SAME_MOMENT { [0.0; 3] } else { std::array::from_fn(|k| (b[k] - a[k]) / seconds) }
 }
 
 /// Length of the ray through a pixel's centre to the depth of one metre.

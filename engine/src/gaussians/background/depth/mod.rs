@@ -25,12 +25,10 @@ use crate::{
     views::{View, reduced::Reduced},
 };
 
-/// Depths are searched at images smaller by at least this factor, in both directions.
-const MIN_FACTOR: usize = 2;
-/// And at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
-const MAX_PIXELS: usize = 120_000;
-/// Views that are searched side by side.
-const AT_ONCE: usize = 4;
+/// Depths are searched in images of at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
+const MAX_PIXELS: usize = 150_000;
+/// Pixels of the views that are searched side by side, at least one view: each needs some 800 bytes a pixel while it runs.
+const PIXELS_AT_ONCE: usize = 320_000;
 /// Other images of its camera that a view is matched against.
 const MAX_SOURCES: usize = 2;
 /// How much nearer than the ground that it hides the own vehicle is taken to be.
@@ -54,10 +52,11 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
         let choices = smooth::smooth(&volume, &levels[i].view);
         Search { evidence, choices, step: volume.step }
     };
-    // A few at a time: each needs some 800 bytes a pixel while it runs.
+    let largest = levels.iter().map(|level| level.view.pinhole.num_pixels()).max().unwrap_or(1);
+    let at_once = (PIXELS_AT_ONCE / largest.max(1)).max(1);
     let all: Vec<usize> = (0..views.len()).collect();
     let searches: Vec<Search> =
-        all.chunks(AT_ONCE).flat_map(|some| some.par_iter().map(|&i| search(i)).collect::<Vec<_>>()).collect();
+        all.chunks(at_once).flat_map(|some| some.par_iter().map(|&i| search(i)).collect::<Vec<_>>()).collect();
     let parts = parts(views, &levels, &searches);
     let scene: Vec<Vec<f32>> = (0..views.len()).map(|i| scene_depths(&searches[i], &parts[i])).collect();
     let map = |i: usize| Map { camera: &levels[i].view.pinhole, inverse: &scene[i], step: searches[i].step };
@@ -79,10 +78,10 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
     (0..views.len()).into_par_iter().map(finish).collect()
 }
 
-/// By how much a view is reduced.
+/// By how much a view is reduced, in both directions.
 fn factor(view: &View) -> usize {
     let reduced = |by: usize| (view.pinhole.width / by) * (view.pinhole.height / by);
-    (MIN_FACTOR..).find(|&by| reduced(by) <= MAX_PIXELS).unwrap_or(MIN_FACTOR)
+    (1..).find(|&by| reduced(by) <= MAX_PIXELS).unwrap_or(1)
 }
 
 /// Indices of the views that view `i` is matched against: the nearest frames of the same camera. By their numbers: times, which

@@ -20,8 +20,10 @@ pub(super) const OWN_VEHICLE: usize = NUM_LABELS - 1;
 pub(super) const NUM_DEPTHS: usize = NUM_LABELS - 2;
 /// Costs are counted in quarters of a grey level.
 const UNIT: f32 = 4.0;
-/// Cost of a hypothesis that no other image shows, grey levels.
-const UNSEEN: f32 = 45.0;
+/// Cost of a hypothesis that no other image shows, grey levels: about that of a right one which another image shows.
+const UNSEEN: f32 = 20.0;
+/// The same where the pixel may show the own vehicle, which would else be taken for something so near that no other image shows it.
+const UNSEEN_BY_VEHICLE: f32 = 45.0;
 /// Largest cost of a difference in colour, grey levels.
 const MAX_DIFFERENCE: f32 = 60.0;
 /// Cost of a step away from a return, and the most that a return costs, grey levels.
@@ -75,11 +77,13 @@ pub(super) fn volume(level: &Level, sources: &[&Level], evidence: &[Evidence]) -
     let poses: Vec<RelativePose> =
         sources.iter().map(|s| RelativePose::new(&level.view.pinhole, &s.view.pinhole)).collect();
     let costs_of = |pixel: usize| {
+        let own = own_vehicle(level, pixel, sources, &evidence[pixel]);
+        let unseen = if own.is_some() { UNSEEN_BY_VEHICLE } else { UNSEEN };
         let mut seen = [f32::INFINITY; NUM_DEPTHS];
         for (source, pose) in sources.iter().zip(&poses) {
-            match_along_ray(&mut seen, level, pixel, source, pose, step);
+            match_along_ray(&mut seen, unseen, step, level, pixel, source, pose);
         }
-        with_evidence(&seen, &evidence[pixel], step, own_vehicle(level, pixel, sources, &evidence[pixel]))
+        with_evidence(&seen, &evidence[pixel], step, own)
     };
     Volume { step, costs: (0..evidence.len()).into_par_iter().with_min_len(512).map(costs_of).collect() }
 }
@@ -157,14 +161,15 @@ fn seen([x, y, z]: [f32; 3], source: &PinholeView) -> Option<Projected> {
     inside.then_some(Projected { u, v, depth: z })
 }
 
-/// Lowers the costs (grey levels) of the depths of `pixel` to those against `source`.
+/// Lowers the costs (grey levels) of the depths of `pixel` to those against `source`, or to `unseen` where that does not show them.
 fn match_along_ray(
     costs: &mut [f32; NUM_DEPTHS],
+    unseen: f32,
+    step: f32,
     level: &Level,
     pixel: usize,
     source: &Level,
     pose: &RelativePose,
-    step: f32,
 ) {
     let pose = pose.of_pixel(&level.view.pinhole, pixel, &source.view.pinhole);
     let start = pose.start(&level.view.pinhole, pixel);
@@ -186,7 +191,7 @@ fn match_along_ray(
             .zip(last)
             .map_or(at, |(a, b): ([f32; 3], [f32; 3])| std::array::from_fn(|k| at[k] + a[k] + share * (b[k] - a[k])));
         let here = match seen(moved, camera) {
-            None => UNSEEN,
+            None => unseen,
             Some(at) => {
                 let other = bilinear(&source.view, at);
                 let gap = (0..3).map(|k| (colour[k] - other[k]).abs()).sum::<f32>() / 3.0;

@@ -77,6 +77,8 @@ pub(super) struct Shown {
     pub(super) pixels: Vec<(usize, f32)>,
     /// The rows of the image that they are in.
     pub(super) rows: Range<usize>,
+    /// Row-major indices of the other pixels where it may be.
+    pub(super) around: Vec<usize>,
 }
 
 /// What `view` shows of each of `things`, those of its own frame; `None` for those that it does not show.
@@ -107,7 +109,8 @@ pub(super) fn shown(
                 && pixels.advantage(view, &outline, pixel) + near.prior(&outline, pixel, width) > 0.0
         };
         let pixels = outline.pixels(width).zip(&inverse_depths).map(|(pixel, &inverse)| (pixel, inverse));
-        Some(Shown { pixels: pixels.filter(shows).collect(), rows: outline.rows })
+        let (pixels, around): (Vec<(usize, f32)>, Vec<(usize, f32)>) = pixels.partition(shows);
+        Some(Shown { pixels, around: around.into_iter().map(|(pixel, _)| pixel).collect(), rows: outline.rows })
     };
     things.par_iter().enumerate().map(shown).collect()
 }
