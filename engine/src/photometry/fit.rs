@@ -39,11 +39,11 @@ pub(super) struct Fit {
     pub(super) cameras: Vec<Shown>,
     /// `[views]` what is added for a single image.
     pub(super) exposures: Vec<f64>,
-    /// Typical error of a logarithm at places of several cameras, as the cameras are and with their responses.
+    /// Typical error of a logarithm at the places that are judged, as the cameras are and with their responses.
     pub(super) errors: [f64; 2],
     /// Number of these places.
-    pub(super) shared: usize,
-    /// `[cameras]` mean change of the logarithm by the response, over what the camera shows of shared places.
+    pub(super) judged: usize,
+    /// `[cameras]` mean change of the logarithm by the response, over what the camera shows of these places.
     pub(super) changes: Vec<f64>,
 }
 
@@ -67,16 +67,31 @@ impl Layout {
     }
 }
 
+/// Which places the responses are judged by; all are fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Judged {
+    /// Those that counted cameras show.
+    BetweenCameras,
+    /// All of them.
+    All,
+}
+
 /// The best responses; the camera `reference` keeps its gain and its tone.
 ///
 /// # Shapes
 /// `cameras` `[views]` the camera of each view.
-pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize, reference: usize) -> Fit {
+pub(super) fn fit(
+    observed: &Observations,
+    cameras: &[usize],
+    num_cameras: usize,
+    reference: usize,
+    judged: Judged,
+) -> Fit {
     let layout = Layout { cameras: num_cameras, views: cameras.len() };
     let identity: Vec<f64> =
         (0..layout.len()).map(|i| if i < 6 * num_cameras && i % 6 == 3 { 1.0 } else { 0.0 }).collect();
-    let several: Vec<&Range<usize>> =
-        observed.places.iter().filter(|run| differ(&observed.all[(*run).clone()], cameras)).collect();
+    let counts = |run: &&Range<usize>| judged == Judged::All || differ(&observed.all[(*run).clone()], cameras);
+    let counted: Vec<&Range<usize>> = observed.places.iter().filter(counts).collect();
     let mut errors = vec![0.0; observed.all.len()];
     let spread = |parameters: &[f64], errors: &mut [f64]| {
         for run in &observed.places {
@@ -84,7 +99,7 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
         }
     };
     let typical = |errors: &[f64]| {
-        let mut all: Vec<f64> = several.iter().flat_map(|run| errors[(*run).clone()].iter().copied()).collect();
+        let mut all: Vec<f64> = counted.iter().flat_map(|run| errors[(*run).clone()].iter().copied()).collect();
         let middle = all.len() / 2;
         all.sort_unstable_by(f64::total_cmp);
         all.get(middle).copied().unwrap_or(0.0)
@@ -113,7 +128,7 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
         Place { seen: run, cameras, layout, parameters: &parameters, channel }.common(std::iter::once(1.0))
     };
     let mut changes = vec![(0.0, 0.0); num_cameras];
-    for seen in several.iter().flat_map(|run| &observed.all[(*run).clone()]) {
+    for seen in counted.iter().flat_map(|run| &observed.all[(*run).clone()]) {
         let change = (0..3).map(|k| (common(seen, k) - seen.log[k]).abs()).sum::<f64>() / 3.0;
         let (sum, weight) = &mut changes[cameras[seen.view]];
         *sum += seen.weight * change;
@@ -127,7 +142,7 @@ pub(super) fn fit(observed: &Observations, cameras: &[usize], num_cameras: usize
         cameras: (0..num_cameras).map(camera).collect(),
         exposures: parameters[6 * num_cameras..].to_vec(),
         errors: [before, typical(&errors)],
-        shared: several.len(),
+        judged: counted.len(),
         changes: changes.into_iter().map(|(sum, weight)| if weight > 0.0 { sum / weight } else { 0.0 }).collect(),
     }
 }

@@ -19,15 +19,17 @@ use crate::{
     views::{Response, View},
     words::Words,
 };
-use fit::{Fit, Shown, fit};
+use fit::{Fit, Judged, Shown, fit};
 use observations::observe;
 
 /// Places of several cameras that say anything of them.
 const FEWEST_PLACES: usize = 50;
 /// A response that changes colours by less than this share, in the mean over what its camera shows of shared places, is none ...
 const LEAST_CHANGE: f64 = 0.02;
-/// ... and so are all where they leave more than this share of the cameras' difference.
+/// ... and so are all where they leave more than this share of the cameras' difference, ...
 const LEAST_GAIN: f64 = 0.8;
+/// ... or of that of a camera's own images.
+const LEAST_GAIN_WITHIN: f64 = 0.95;
 /// What is brighter than all but this share of the pixels may be clipped in the common space.
 const CLIPPED: f64 = 1e-3;
 /// Pixels of an image that are looked at for that: every so many.
@@ -109,8 +111,8 @@ pub struct ImageResponse {
 }
 
 impl Photometry {
-    /// The responses under which `views` agree, in the colours of the camera `reference` or else of the first; `None` where they agree as
-    /// they are, or share too little to tell.
+    /// The responses under which `views` agree: of cameras that disagree in the colours of the camera `reference` or else of the first;
+    /// else what vignetting and single images' gains change. `None` where they agree as they are, or share too little to tell.
     pub fn estimate(views: &[View], reference: Option<&str>) -> Option<Self> {
         let mut names: Vec<&str> = Vec::new();
         for view in views {
@@ -118,25 +120,27 @@ impl Photometry {
                 names.push(&view.camera);
             }
         }
-        if names.len() < 2 {
-            return None;
-        }
         let place = |name: &str| names.iter().position(|other| *other == name);
         let cameras: Vec<usize> = views.iter().map(|view| place(&view.camera).unwrap_or(0)).collect();
         let reference = reference.and_then(place).unwrap_or(0);
         let observed = observe(views);
-        let found = fit(&observed, &cameras, names.len(), reference);
-        let [before, after] = found.errors;
-        let changed = found.changes.iter().any(|&change| change > LEAST_CHANGE);
-        if found.shared < FEWEST_PLACES || !changed || after > LEAST_GAIN * before {
-            return None;
-        }
-        let mut images = images(views, &cameras, &found);
-        let brightness = brightest(views, &images);
+        let between = fit(&observed, &cameras, names.len(), reference, Judged::BetweenCameras);
+        let (mut images, brightness, errors) = if tells(&between, LEAST_GAIN) {
+            let images = images(views, &cameras, &between, false);
+            let brightness = brightest(views, &images);
+            (images, brightness, between.errors)
+        } else {
+            let within = fit(&observed.of_light(), &cameras, names.len(), reference, Judged::All);
+            let images = images(views, &cameras, &within, true);
+            if !tells(&within, LEAST_GAIN_WITHIN) {
+                return None;
+            }
+            (images, 1.0, within.errors)
+        };
         for image in &mut images {
             image.response.gain = image.response.gain.map(|gain| gain * brightness);
         }
-        let differences = found.errors.map(to_f32);
+        let differences = errors.map(to_f32);
         Some(Self { reference: names[reference].to_owned(), brightness, differences, images })
     }
 
@@ -168,19 +172,28 @@ impl Photometry {
     /// What was found, for people.
     pub fn in_words(&self) -> String {
         let [before, after] = self.differences.map(|share| 100.0 * share);
-        format!(
-            "brought to the colours of {}: the same places differed by {before:.0} %, now by {after:.0} %",
-            self.reference
-        )
+        let brought = if self.images.iter().all(|image| image.response.shoulder) {
+            "freed from vignetting and changes of exposure".to_owned()
+        } else {
+            format!("brought to the colours of {}", self.reference)
+        };
+        format!("{brought}: the same places differed by {before:.1} %, now by {after:.1} %")
     }
 }
 
-fn images(views: &[View], cameras: &[usize], found: &Fit) -> Vec<ImageResponse> {
+/// Whether responses change enough, and leave no more than this share of what places differ by.
+fn tells(found: &Fit, share: f64) -> bool {
+    let [before, after] = found.errors;
+    let changed = found.changes.iter().any(|&change| change > LEAST_CHANGE);
+    found.judged >= FEWEST_PLACES && changed && after <= share * before
+}
+
+fn images(views: &[View], cameras: &[usize], found: &Fit, shoulder: bool) -> Vec<ImageResponse> {
     let image = |((view, &camera), &exposure): ((&View, &usize), &f64)| ImageResponse {
         frame: view.frame,
         camera: view.camera.clone(),
         time: view.pinhole.time,
-        response: found.cameras[camera].response(exposure),
+        response: Response { shoulder, ..found.cameras[camera].response(exposure) },
     };
     views.iter().zip(cameras).zip(&found.exposures).map(image).collect()
 }
@@ -192,6 +205,7 @@ impl Shown {
             tone: to_f32(self.slope),
             vignetting: self.vignetting.map(|term| to_f32(-term / self.slope)),
             grey: false,
+            shoulder: false,
         }
     }
 }

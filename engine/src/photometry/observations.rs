@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use lgs_formats::image::PixelLabel;
+use lgs_formats::{casts::to_f32, image::PixelLabel};
 use rayon::prelude::*;
 
 use crate::{
     points::DepthGrid,
-    views::{DepthSample, Projected, View, off_axis},
+    views::{DepthSample, Projected, View, light, off_axis},
 };
 
 /// Places that are looked at in all, over all views.
@@ -34,7 +34,7 @@ const SKY: f32 = 1e5;
 pub(super) struct Observation {
     /// Index of the view.
     pub(super) view: usize,
-    /// Natural logarithm of its colour.
+    /// Natural logarithm of its colour, or of its light.
     pub(super) log: [f64; 3],
     /// See [`off_axis`].
     pub(super) off_axis: f64,
@@ -49,6 +49,15 @@ pub(super) struct Observations {
     pub(super) all: Vec<Observation>,
     /// Where the run of each place lies.
     pub(super) places: Vec<Range<usize>>,
+}
+
+impl Observations {
+    /// The same of the light that a tone curve with a shoulder shows so.
+    pub(super) fn of_light(mut self) -> Self {
+        let of_log = |log: f64| f64::from(light(to_f32(log.exp()))).ln();
+        self.all.iter_mut().for_each(|seen| seen.log = seen.log.map(of_log));
+        self
+    }
 }
 
 /// What `views` show of the same places: returns of their sweeps, and directions in which there is sky.

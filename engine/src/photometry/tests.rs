@@ -47,7 +47,7 @@ fn cameras_that_agree_and_one_alone_stay_as_they_are() {
 
 #[test]
 fn a_response_is_found_again_and_undone() {
-    let second = Response { gain: [0.6, 0.7, 0.8], tone: 0.9, vignetting: [0.3, 0.0], grey: false };
+    let second = Response { gain: [0.6, 0.7, 0.8], tone: 0.9, vignetting: [0.3, 0.0], grey: false, shoulder: false };
     let mut views = rig(second);
     let taken = views.clone();
     let found = Photometry::estimate(&views, None).unwrap();
@@ -64,6 +64,37 @@ fn a_response_is_found_again_and_undone() {
             assert!((got - want).abs() < 1e-5, "back again: got {got}, want {want}");
         }
     }
+}
+
+#[test]
+fn one_camera_is_freed_from_its_vignetting_and_white_stays_white() {
+    let lens = Response { vignetting: [0.5, 0.1], shoulder: true, ..Response::IDENTITY };
+    let drive = |lens: Response| -> Vec<View> {
+        let gain = |frame: usize| Response { gain: [0.95 + 0.05 * frame as f32; 3], ..lens };
+        (0..3).map(|frame| view("a", frame, 2.0 * frame as f32, gain(frame))).collect()
+    };
+    let (mut views, taken) = (drive(lens), drive(lens));
+    let found = Photometry::estimate(&views, None).unwrap();
+    assert_eq!(found.brightness, 1.0);
+    assert!(found.in_words().starts_with("freed from vignetting"), "{}", found.in_words());
+    for view in &mut views {
+        view.make_common(found.response(&view.camera, view.pinhole.time));
+    }
+    for (common, taken) in views.iter().zip(&taken) {
+        let mut truth = view("a", common.frame, 2.0 * common.frame as f32, Response::IDENTITY);
+        truth.image.data.iter_mut().zip(&common.image.data).for_each(|(truth, common)| *truth = (*truth - common).abs());
+        let mean = truth.image.data.iter().sum::<f32>() / truth.image.data.len() as f32;
+        assert!(mean < 0.015, "frame {}: {mean}", common.frame);
+        for (got, want) in common.as_taken().image.data.iter().zip(&taken.image.data) {
+            assert!((got - want).abs() < 1e-4, "back again: got {got}, want {want}");
+        }
+    }
+    let response = Response { gain: [1.3; 3], ..found.images[0].response };
+    let mut white = vec![1.0; 3 * WIDTH * HEIGHT];
+    response.to_common(&mut white, &taken[0].pinhole);
+    assert!(white.iter().all(|&value| value > 0.995));
+    response.show(&mut white, &taken[0].pinhole);
+    assert!(white.iter().all(|&value| value > 0.995));
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub(crate) use load::load_views;
 pub use path::{between, keys_of_camera, path_views};
 pub use pinhole::{NEAR, PinholeView, Projected};
 pub use response::Response;
-pub(crate) use response::off_axis;
+pub(crate) use response::{light, off_axis};
 pub use selection::{SelectedFrames, Selection};
 pub(crate) use shrink::at_factor;
 pub use shutter::Shutter;

@@ -15,7 +15,8 @@ const DARKEST: f32 = 0.5 / 255.0;
 ///
 /// # Formula
 /// `shown = min(1, (gain * exp(-v1 t - v2 t^2) * common)^tone)`, channel by channel, where `t` is the squared tangent of the angle
-/// between a pixel's ray and the camera's axis.
+/// between a pixel's ray and the camera's axis. With a shoulder, which keeps white white, the same holds of light, of which
+/// `light / sqrt(1 + light^2)` is shown, and of which common colours are what is shown by a gain of 1.
 ///
 /// # Source
 /// Gain and tone by channel as in the photometric calibration of panoramas (Kim and Pollefeys, "Robust radiometric calibration and
@@ -31,6 +32,9 @@ pub struct Response {
     /// Whether it shows brightness alone.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub grey: bool,
+    /// Whether its tone curve has a shoulder: all light is then shown as less than white.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub shoulder: bool,
 }
 
 /// From this value on an image may have clipped what was brighter; at 1 it surely did.
@@ -41,7 +45,7 @@ const BRIGHTNESS: [f32; 3] = [0.299, 0.587, 0.114];
 
 impl Response {
     /// Shows common colours as they are.
-    pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2], grey: false };
+    pub const IDENTITY: Self = Self { gain: [1.0; 3], tone: 1.0, vignetting: [0.0; 2], grey: false, shoulder: false };
 
     /// Shows common colours as brightness.
     pub(crate) const GREY: Self = Self { grey: true, ..Self::IDENTITY };
@@ -52,8 +56,12 @@ impl Response {
     /// `rgb` `[H, W, 3]`.
     pub(crate) fn to_common(self, rgb: &mut [f32], pinhole: &PinholeView) {
         let power = 1.0 / self.tone;
+        if self.shoulder {
+            self.each(rgb, pinhole, |value, gain| shown(raised(light(value), power) / gain));
+            return;
+        }
         self.each(rgb, pinhole, |value, gain| {
-            let straight = if power == 1.0 { value } else { curved(value, power) };
+            let straight = raised(value, power);
             let common = straight / gain;
             // What is clipped is at least as bright as it looks: then as bright as the brightest that a scene holds.
             let clipped = ((value - CLIPPED) / (1.0 - CLIPPED)).clamp(0.0, 1.0).powi(2);
@@ -76,9 +84,11 @@ impl Response {
             if !value.is_finite() {
                 return value;
             }
-            let straight = (value * gain).max(0.0);
-            let shown = if self.tone == 1.0 { straight } else { curved(straight, self.tone) };
-            shown.min(1.0)
+            if self.shoulder {
+                shown(raised(light(value) * gain, self.tone))
+            } else {
+                raised((value * gain).max(0.0), self.tone).min(1.0)
+            }
         });
     }
 
@@ -99,9 +109,28 @@ impl Response {
     }
 }
 
+/// The light of which a colour is shown by a tone curve with a shoulder.
+pub(crate) fn light(value: f32) -> f32 {
+    /// Less than white by an eighth of a step of eight bits.
+    const WHITE: f32 = 1.0 - 0.125 / 255.0;
+    let value = value.clamp(0.0, WHITE);
+    value / (1.0 - value * value).sqrt()
+}
+
+/// The colour that light is shown as by that curve; white as [`light`] has it.
+fn shown(light: f32) -> f32 {
+    light / (1.0 + light * light).sqrt()
+}
+
 /// `value` to a power; straight below the darkest colour that an image can tell from black, so that black stays black and slopes stay finite.
-fn curved(value: f32, power: f32) -> f32 {
-    if value >= DARKEST { value.powf(power) } else { value * DARKEST.powf(power - 1.0) }
+fn raised(value: f32, power: f32) -> f32 {
+    if power == 1.0 {
+        value
+    } else if value >= DARKEST {
+        value.powf(power)
+    } else {
+        value * DARKEST.powf(power - 1.0)
+    }
 }
 
 /// The squared tangent of the angle between the ray of an image position (pixels) and the camera's axis.
