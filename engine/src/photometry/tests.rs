@@ -82,7 +82,12 @@ fn one_camera_is_freed_from_its_vignetting_and_white_stays_white() {
     }
     for (common, taken) in views.iter().zip(&taken) {
         let mut truth = view("a", common.frame, 2.0 * common.frame as f32, Response::IDENTITY);
-        truth.image.data.iter_mut().zip(&common.image.data).for_each(|(truth, common)| *truth = (*truth - common).abs());
+        truth
+            .image
+            .data
+            .iter_mut()
+            .zip(&common.image.data)
+            .for_each(|(truth, common)| *truth = (*truth - common).abs());
         let mean = truth.image.data.iter().sum::<f32>() / truth.image.data.len() as f32;
         assert!(mean < 0.015, "frame {}: {mean}", common.frame);
         for (got, want) in common.as_taken().image.data.iter().zip(&taken.image.data) {

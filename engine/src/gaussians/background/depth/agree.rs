@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::volume::RelativePose;
+use super::relative::RelativePose;
 use crate::views::{PinholeView, reduced::Reduced};
 
 /// Maps agree within this many labels of the other one plus this share of the inverse depth.

@@ -8,7 +8,9 @@ mod agree;
 mod enlarge;
 mod evidence;
 mod ground;
+mod matching;
 mod own_vehicle;
+mod relative;
 mod sky_colours;
 mod smooth;
 mod volume;
@@ -28,7 +30,7 @@ use crate::{
 /// Depths are searched in images of at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
 const MAX_PIXELS: usize = 150_000;
 /// Pixels of the views that are searched side by side, at least one view: each needs some 800 bytes a pixel while it runs.
-const PIXELS_AT_ONCE: usize = 320_000;
+const PIXELS_AT_ONCE: usize = 160_000;
 /// Other images of its camera that a view is matched against.
 const MAX_SOURCES: usize = 2;
 /// How much nearer than the ground that it hides the own vehicle is taken to be.

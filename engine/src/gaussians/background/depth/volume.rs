@@ -5,11 +5,11 @@
 
 use rayon::prelude::*;
 
-use super::evidence::{Evidence, middle, share_of};
-use crate::views::{
-    NEAR, PinholeView, Projected,
-    reduced::{Reduced, difference},
+use super::{
+    evidence::{Evidence, share_of},
+    matching::{Matching, Source},
 };
+use crate::views::reduced::{Reduced, difference};
 
 /// Hypotheses of a pixel.
 pub(super) const NUM_LABELS: usize = 128;
@@ -18,6 +18,8 @@ pub(super) const OWN_VEHICLE: usize = NUM_LABELS - 1;
 /// The hypotheses `label * step` of the inverse depth; one label between them and the own vehicle is never chosen, so that
 /// neighbours do not slide from one to the other.
 pub(super) const NUM_DEPTHS: usize = NUM_LABELS - 2;
+/// Pixels that a thread takes at once.
+const BLOCK: usize = 512;
 /// Costs are counted in quarters of a grey level.
 const UNIT: f32 = 4.0;
 /// Cost of a hypothesis that no other image shows, grey levels: about that of a right one which another image shows.
@@ -25,7 +27,7 @@ const UNSEEN: f32 = 20.0;
 /// The same where the pixel may show the own vehicle, which would else be taken for something so near that no other image shows it.
 const UNSEEN_BY_VEHICLE: f32 = 45.0;
 /// Largest cost of a difference in colour, grey levels.
-const MAX_DIFFERENCE: f32 = 60.0;
+pub(super) const MAX_DIFFERENCE: f32 = 60.0;
 /// Cost of a step away from a return, and the most that a return costs, grey levels.
 const RETURN_STEP: (f32, f32) = (40.0, 60.0);
 /// Cost of a step away from the expected ground, and the most that it costs, grey levels.
@@ -51,7 +53,7 @@ pub(super) struct Level {
     /// The reduced view.
     pub(super) view: Reduced,
     /// `[H, W]` which neighbours in a 5 x 5 window are darker than the pixel, one bit each.
-    census: Vec<u32>,
+    pub(super) census: Vec<u32>,
 }
 
 /// Costs of all hypotheses of all pixels.
@@ -74,18 +76,23 @@ impl Level {
 /// The costs of `level`'s hypotheses against the images of `sources`, the best of these counting.
 pub(super) fn volume(level: &Level, sources: &[&Level], evidence: &[Evidence]) -> Volume {
     let step = nearest_inverse(evidence) / (NUM_DEPTHS - 1) as f32;
-    let poses: Vec<RelativePose> =
-        sources.iter().map(|s| RelativePose::new(&level.view.pinhole, &s.view.pinhole)).collect();
-    let costs_of = |pixel: usize| {
-        let own = own_vehicle(level, pixel, sources, &evidence[pixel]);
-        let unseen = if own.is_some() { UNSEEN_BY_VEHICLE } else { UNSEEN };
-        let mut seen = [f32::INFINITY; NUM_DEPTHS];
-        for (source, pose) in sources.iter().zip(&poses) {
-            match_along_ray(&mut seen, unseen, step, level, pixel, source, pose);
+    let sources: Vec<Source<'_>> = sources.iter().map(|source| Source::new(source, &level.view)).collect();
+    let arch = pulp::Arch::new();
+    let mut costs = vec![[0; NUM_LABELS]; evidence.len()];
+    let blocks = costs.par_chunks_mut(BLOCK).zip(evidence.par_chunks(BLOCK)).enumerate();
+    blocks.for_each_init(Vec::new, |seen, (block, (costs, evidence))| {
+        let first = block * BLOCK;
+        let own: Vec<Option<f32>> =
+            (first..).zip(evidence).map(|(pixel, evidence)| own_vehicle(level, pixel, &sources, evidence)).collect();
+        let unseen: Vec<f32> = own.iter().map(|own| if own.is_some() { UNSEEN_BY_VEHICLE } else { UNSEEN }).collect();
+        seen.clear();
+        seen.resize(costs.len(), [f32::INFINITY; NUM_DEPTHS]);
+        arch.dispatch(Matching { level, sources: &sources, step, first, unseen: &unseen, costs: seen });
+        for ((costs, seen), (evidence, own)) in costs.iter_mut().zip(&*seen).zip(evidence.iter().zip(own)) {
+            *costs = with_evidence(seen, evidence, step, own);
         }
-        with_evidence(&seen, &evidence[pixel], step, own)
-    };
-    Volume { step, costs: (0..evidence.len()).into_par_iter().with_min_len(512).map(costs_of).collect() }
+    });
+    Volume { step, costs }
 }
 
 /// The inverse depth of the nearest hypothesis: nearer than nearly all returns and than the ground that none fell on.
@@ -97,139 +104,19 @@ fn nearest_inverse(evidence: &[Evidence]) -> f32 {
     nearest.max(NEAREST.0).max((ground * 1.05).min(NEAREST.1))
 }
 
-/// Hypotheses from one place at which the shift by a rolling shutter is worked out to the next.
-const SHIFTED: usize = 8;
-
-/// `source_from_view` of two cameras.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RelativePose {
-    rotation: [[f32; 3]; 3],
-    translation: [f32; 3],
-}
-
-impl RelativePose {
-    /// The pose of the camera of `view` in the axes of that of `source`.
-    pub(super) fn new(view: &PinholeView, source: &PinholeView) -> Self {
-        let (a, b) = (&view.camera_from_clip, &source.camera_from_clip);
-        let rotation: [[f32; 3]; 3] =
-            std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| b[i][k] * a[j][k]).sum()));
-        let translation = std::array::from_fn(|i| b[i][3] - (0..3).map(|k| rotation[i][k] * a[k][3]).sum::<f32>());
-        Self { rotation, translation }
-    }
-
-    /// The pose at the moment at which a pixel of `view` is exposed; this one, which is at its time, where all are at once.
-    fn of_pixel(&self, view: &PinholeView, pixel: usize, source: &PinholeView) -> Self {
-        if view.shutter.is_none() {
-            return *self;
-        }
-        let at = middle(pixel, view.width);
-        Self::new(&view.exposing([at.u, at.v]), source)
-    }
-
-    /// The ray of a pixel in the source's axes: `start + w * self.translation` is the point at inverse depth w, times w.
-    fn start(&self, view: &PinholeView, pixel: usize) -> [f32; 3] {
-        let at = middle(pixel, view.width);
-        let ray = [(at.u - view.cx) / view.fx, (at.v - view.cy) / view.fy, 1.0];
-        self.rotation.map(|row| row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2])
-    }
-
-    /// Where the point of `view` at inverse depth `inverse` behind `pixel` is in `source`; its `depth` is the source's.
-    pub(super) fn transfer(
-        &self,
-        view: &PinholeView,
-        pixel: usize,
-        inverse: f32,
-        source: &PinholeView,
-    ) -> Option<Projected> {
-        let pose = self.of_pixel(view, pixel, source);
-        let at = project(pose.start(view, pixel), pose.translation, inverse, source)?;
-        Some(Projected { depth: at.depth / inverse.max(f32::MIN_POSITIVE), ..at })
-    }
-}
-
-/// The image position of `start + inverse * shift`; its `depth` is that times the inverse depth.
-fn project(start: [f32; 3], shift: [f32; 3], inverse: f32, source: &PinholeView) -> Option<Projected> {
-    let point: [f32; 3] = std::array::from_fn(|k| start[k] + inverse * shift[k]);
-    let moved = source.shutter.map_or([0.0; 3], |shutter| shutter.shift(&source.lens(), point, inverse));
-    seen(std::array::from_fn(|k| point[k] + moved[k]), source)
-}
-
-/// The image position of a point in the camera's axes.
-fn seen([x, y, z]: [f32; 3], source: &PinholeView) -> Option<Projected> {
-    let (u, v) = (source.fx * x / z + source.cx, source.fy * y / z + source.cy);
-    let inside = z > NEAR && u >= 0.0 && v >= 0.0 && u < source.width as f32 && v < source.height as f32;
-    inside.then_some(Projected { u, v, depth: z })
-}
-
-/// Lowers the costs (grey levels) of the depths of `pixel` to those against `source`, or to `unseen` where that does not show them.
-fn match_along_ray(
-    costs: &mut [f32; NUM_DEPTHS],
-    unseen: f32,
-    step: f32,
-    level: &Level,
-    pixel: usize,
-    source: &Level,
-    pose: &RelativePose,
-) {
-    let pose = pose.of_pixel(&level.view.pinhole, pixel, &source.view.pinhole);
-    let start = pose.start(&level.view.pinhole, pixel);
-    let colour = level.view.colours[pixel].map(f32::from);
-    let camera = &source.view.pinhole;
-    let point =
-        |label: usize| -> [f32; 3] { std::array::from_fn(|k| start[k] + label as f32 * step * pose.translation[k]) };
-    // Along a ray, what a rolling shutter does changes slowly.
-    let shift =
-        |label: usize| camera.shutter.map(|shutter| shutter.shift(&camera.lens(), point(label), label as f32 * step));
-    let (mut first, mut last) = (None, shift(0));
-    for (label, cost) in costs.iter_mut().enumerate() {
-        if label % SHIFTED == 0 {
-            (first, last) = (last, shift(label + SHIFTED));
-        }
-        let share = (label % SHIFTED) as f32 / SHIFTED as f32;
-        let at = point(label);
-        let moved = first
-            .zip(last)
-            .map_or(at, |(a, b): ([f32; 3], [f32; 3])| std::array::from_fn(|k| at[k] + a[k] + share * (b[k] - a[k])));
-        let here = match seen(moved, camera) {
-            None => unseen,
-            Some(at) => {
-                let other = bilinear(&source.view, at);
-                let gap = (0..3).map(|k| (colour[k] - other[k]).abs()).sum::<f32>() / 3.0;
-                let bits = level.census[pixel] ^ source.census[at.pixel(camera.width)];
-                gap.min(MAX_DIFFERENCE) + bits.count_ones() as f32
-            }
-        };
-        *cost = cost.min(here);
-    }
-}
-
-fn bilinear(view: &Reduced, at: Projected) -> [f32; 3] {
-    let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let (x, y) = ((at.u - 0.5).clamp(0.0, (width - 1) as f32), (at.v - 0.5).clamp(0.0, (height - 1) as f32));
-    let corner = Projected { u: x, v: y, depth: at.depth }.pixel(width);
-    let right = usize::from(x + 1.0 < width as f32);
-    let below = if y + 1.0 < height as f32 { width } else { 0 };
-    let (a, b) = (x.fract(), y.fract());
-    let [tl, tr, bl, br] = [corner, corner + right, corner + below, corner + below + right].map(|i| view.colours[i]);
-    std::array::from_fn(|k| {
-        let line = |l: u8, r: u8| f32::from(l) + a * (f32::from(r) - f32::from(l));
-        let (top, bottom) = (line(tl[k], tr[k]), line(bl[k], br[k]));
-        top + b * (bottom - top)
-    })
-}
-
 /// The cost (grey levels) of showing the own vehicle, which looks the same in every image of the camera; `None` where it
 /// cannot be: above the near ground, at a return of the view's own sweep, or without another image.
-fn own_vehicle(level: &Level, pixel: usize, sources: &[&Level], evidence: &Evidence) -> Option<f32> {
+fn own_vehicle(level: &Level, pixel: usize, sources: &[Source<'_>], evidence: &Evidence) -> Option<f32> {
     if evidence.floor <= 1.0 / OWN_VEHICLE_RANGE || evidence.weight >= 1.0 {
         return None;
     }
-    let cost = |source: &&Level| {
+    let cost = |source: &Source<'_>| {
+        let source = source.level;
         let colour = *source.view.colours.get(pixel)?;
         let bits = level.census[pixel] ^ source.census[pixel];
         Some(difference(level.view.colours[pixel], colour).min(MAX_DIFFERENCE) + bits.count_ones() as f32)
     };
-    let same = |source: &&&Level| source.view.pinhole.width == level.view.pinhole.width;
+    let same = |source: &&Source<'_>| source.level.view.pinhole.width == level.view.pinhole.width;
     let worst = sources.iter().filter(same).filter_map(cost).reduce(f32::max)?;
     Some(worst + if evidence.near_returns { OWN_VEHICLE_BIAS.1 } else { OWN_VEHICLE_BIAS.0 })
 }
