@@ -102,6 +102,22 @@ impl Inputs {
         points::tell_apart(cloud, self.dir.clip(), &self.frame)
     }
 
+    /// What moves among the returns of the cloud, and how the `LiDAR` turned while the vehicle stood where the outlines of what moves tell:
+    /// the returns of the cloud then have the times of such a turn, and what moves is found with these.
+    ///
+    /// # Errors
+    /// Those of [`Self::movement`].
+    pub(super) fn movement_and_turn(&self, cloud: &mut PointCloud) -> Result<(Movement, Option<Turn>)> {
+        let movement = self.movement(cloud)?;
+        let Some(turns) = points::standing(cloud, self.dir.clip(), &self.frame) else { return Ok((movement, None)) };
+        let times = turns.each_ref().map(|(_, times)| times.as_slice());
+        let Some(best) = motion::best_times(cloud, &movement, &self.views, &times) else { return Ok((movement, None)) };
+        let [first, second] = turns;
+        let (turn, times) = if best == 0 { first } else { second };
+        cloud.times = times;
+        Ok((self.movement(cloud)?, Some(turn)))
+    }
+
     /// The tracked boxes of the input frames.
     fn boxes(&self) -> Vec<MovingBox> {
         let frame_boxes = |&frame: &usize| {

@@ -89,7 +89,8 @@ pub fn begin<'a>(inputs: &'a Inputs, watch: &mut Watch<'_>) -> Result<Begun<'a>>
         let turn = inputs.tell_apart(&mut cloud)?;
         let dropped = points::drop_strays(&mut cloud)?;
         progress.point_step(PointStep::Cloud);
-        let movement = inputs.movement(&cloud)?;
+        let (movement, told) = inputs.movement_and_turn(&mut cloud)?;
+        let turn = turn.or(told);
         progress.point_step(PointStep::Motion);
         let colours = points::paint(&cloud, &movement.velocities, inputs.views());
         progress.point_step(PointStep::Colours);

@@ -15,7 +15,7 @@ pub use spacing::{bounded, spacing};
 pub use stray::Dropped;
 pub(crate) use stray::drop_strays;
 pub use turn::Turn;
-pub(crate) use turn::tell_apart;
+pub(crate) use turn::{standing, tell_apart};
 
 /// `LiDAR` returns of several sweeps in the clip frame.
 ///

@@ -50,10 +50,10 @@ impl Turn {
     pub const fn in_words(self) -> &'static str {
         match self {
             Self::Clockwise => {
-                "measured during a clockwise turn of the LiDAR, as their surfaces tell; returns brought to one moment"
+                "measured during a clockwise turn of the LiDAR, as surfaces or outlines tell; returns brought to one moment"
             }
             Self::CounterClockwise => {
-                "measured during a counter-clockwise turn of the LiDAR, as their surfaces tell; returns brought to one moment"
+                "measured during a counter-clockwise turn of the LiDAR, as surfaces or outlines tell; returns brought to one moment"
             }
         }
     }
@@ -86,7 +86,7 @@ struct Sweep {
 /// # Errors
 /// When a coordinate is not finite.
 pub(crate) fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame) -> Result<Option<Turn>> {
-    let Some((turn_s, sweeps)) = turning(cloud, clip, frame) else { return Ok(None) };
+    let Some(Turning { turn_s, sweeps, moves: true }) = turning(cloud, clip, frame) else { return Ok(None) };
     let still = disagreement(cloud, &sweeps)?;
     // One after the other: each is a cloud of its own.
     let change = |turn: Turn| disagreement(&told(cloud, &sweeps, turn_s, turn), &sweeps).map(|found| found - still);
@@ -104,8 +104,28 @@ pub(crate) fn tell_apart(cloud: &mut PointCloud, clip: &Clip, frame: &ClipFrame)
     Ok(Some(turn))
 }
 
-/// The time of a turn and the sweeps of a cloud; `None` where the clip says more, or nothing can be told.
-fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, Vec<Sweep>)> {
+/// The times of the returns of a cloud, seconds since the clip's time zero, if its `LiDAR` turned this way and that way while the vehicle
+/// stands; `None` where it drives, the clip says more, or no turning sensor measured them.
+///
+/// # Shapes
+/// `[N]` each.
+pub(crate) fn standing(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<[(Turn, Vec<f32>); 2]> {
+    let Turning { turn_s, sweeps, moves: false } = turning(cloud, clip, frame)? else { return None };
+    let times = |turn: Turn| (turn, told(cloud, &sweeps, turn_s, turn).times);
+    Some([Turn::Clockwise, Turn::CounterClockwise].map(times))
+}
+
+/// Sweeps of a sensor that turns.
+struct Turning {
+    /// Seconds of a turn.
+    turn_s: f64,
+    sweeps: Vec<Sweep>,
+    /// Whether the vehicle moves during any of them.
+    moves: bool,
+}
+
+/// The sweeps of a cloud; `None` where the clip says more, or no turning sensor measured them.
+fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<Turning> {
     let mut times: Vec<f64> = clip.frames.iter().map(|record| record.lidar.timestamp).collect();
     times.sort_by(f64::total_cmp);
     let turn = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0).reduce(f64::min)?;
@@ -149,7 +169,10 @@ fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<(f64, V
         }
         seen.iter().filter(|&&seen| seen).count() >= SECTORS.1
     };
-    (sweeps.len() >= 2 && sweeps.iter().any(moves) && sweeps.iter().all(around)).then_some((turn, sweeps))
+    (sweeps.len() >= 2 && sweeps.iter().all(around)).then(|| {
+        let moves = sweeps.iter().any(moves);
+        Turning { turn_s: turn, sweeps, moves }
+    })
 }
 
 impl Sweep {

@@ -10,6 +10,7 @@ mod grid;
 mod ground;
 mod masks;
 mod movers;
+mod outlines;
 mod own_vehicle;
 mod rays;
 mod region;
@@ -23,7 +24,7 @@ mod sweeps;
 mod tests;
 
 pub use self::boxes::MovingBox;
-pub(crate) use self::boxes::boxed;
+pub(crate) use self::{boxes::boxed, outlines::best_times};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
