@@ -4,8 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::Outcome;
 use crate::process::binary;
+use crate::{Needed, Outcome};
+
+/// Whether there is the shell that scripts of jobs ask for.
+pub fn bash() -> Needed {
+    let found = Command::new("bash").args(["-c", "true"]).status().is_ok_and(|status| status.success());
+    if found { Needed::Here } else { Needed::Missing("bash".to_owned()) }
+}
 
 /// A job's file and the program that its pods run.
 #[derive(Clone, Debug)]

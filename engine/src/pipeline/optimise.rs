@@ -18,7 +18,7 @@ use crate::{
 
 impl Reconstruction {
     /// Optimises the scene over the input views, in place: as many steps, with such views, as the recipe of `run` says, or those that its
-    /// deadline leaves time for.
+    /// deadline leaves time for. `rates`: the lengths of the steps; `marks`: after how many of them the scene is shown, and to whom.
     ///
     /// # Errors
     /// More Gaussians than there is memory to optimise or to draw them.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use lgs_tests::pods::{Job, program};
+use lgs_tests::pods::{Job, bash, program};
 use lgs_tests::process::binary;
 use lgs_tests::{Needed, Outcome, case, case_if, clips, places};
 use libtest_mimic::{Failed, Trial};
@@ -12,11 +12,7 @@ use libtest_mimic::{Failed, Trial};
 use super::{SMALL, eval, same_product};
 
 pub(crate) fn cases() -> Vec<Trial> {
-    let bash = if Command::new("bash").arg("-c").arg("true").status().is_ok_and(|status| status.success()) {
-        Needed::Here
-    } else {
-        Needed::Missing("bash".to_owned())
-    };
+    let bash = bash();
     vec![
         case("eval::deploy::counts_and_names_agree", || job("eval-job.yaml")?.expect_counts_and_names()),
         case_if(&bash, "eval::deploy::pods_pass_exit_codes_on", exit_codes),

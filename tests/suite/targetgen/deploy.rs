@@ -4,17 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use lgs_tests::pods::{Job, program, with_path};
+use lgs_tests::pods::{Job, bash, program, with_path};
 use lgs_tests::process::binary;
-use lgs_tests::{Needed, Outcome, case, case_if, clips, places};
+use lgs_tests::{Outcome, case, case_if, clips, places};
 use libtest_mimic::Trial;
 
 pub(crate) fn cases() -> Vec<Trial> {
-    let bash = if Command::new("bash").arg("-c").arg("true").status().is_ok_and(|status| status.success()) {
-        Needed::Here
-    } else {
-        Needed::Missing("bash".to_owned())
-    };
+    let bash = bash();
     vec![
         case("targetgen::deploy::counts_and_names_agree", || job("targets-job.yaml")?.expect_counts_and_names()),
         case_if(&bash, "targetgen::deploy::pods_pass_exit_codes_on", exit_codes),

@@ -8,10 +8,10 @@ use crate::{
     views::{Projected, View, reduced::Reduced},
 };
 
-/// Weight of a return of another sweep, which something moving may have left since.
-const OTHER_SWEEP: f32 = 0.2;
+/// Weight of a return of another sweep, which something that was not seen to move may have left since.
+const OTHER_SWEEP: f32 = 0.5;
 /// Weight of what lies between two returns that agree.
-const BETWEEN: f32 = 0.3;
+const BETWEEN: f32 = 0.5;
 /// Returns agree when their inverse depths differ by less than this share.
 const AGREEMENT: f32 = 0.15;
 /// How far a pixel looks for returns, pixels.
