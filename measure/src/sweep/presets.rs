@@ -15,7 +15,7 @@ use super::{
 use crate::{machine::Machine, statistics::Quartiles};
 
 /// How many times faster than the best the quick ones have to be.
-const QUICKER: [(Named, f64); 2] = [(Named::Fast, 8.0), (Named::Balanced, 2.0)];
+const QUICKER: [(Named, f64); 2] = [(Named::Fast, 3.5), (Named::Balanced, 2.0)];
 
 impl Setting {
     /// Its recipe, where that makes sense on other clips and with the usual thresholds.
