@@ -6,7 +6,7 @@ use super::{
     relative::RelativePose,
     volume::{Level, MAX_DIFFERENCE, NUM_DEPTHS},
 };
-use crate::views::{NEAR, PinholeView, reduced::Reduced};
+use crate::views::{NEAR, PinholeView, Projected, reduced::Reduced};
 
 /// Hypotheses from one place at which the shift by a rolling shutter is worked out to the next.
 const SHIFTED: usize = 8;
@@ -78,7 +78,7 @@ fn match_along_ray(
         } else {
             let other = bilinear(&source.colours, camera, u, v);
             let gap = (0..3).map(|k| (colour[k] - other[k]).abs()).sum::<f32>() / 3.0;
-            let bits = census ^ source.level.census[v as usize * camera.width + u as usize];
+            let bits = census ^ source.level.census[Projected { u, v, depth: 1.0 }.pixel(camera.width)];
             gap.min(MAX_DIFFERENCE) + bits.count_ones() as f32
         };
         *cost = cost.min(here);
@@ -121,6 +121,7 @@ fn places([x, y, z]: &[[f32; NUM_DEPTHS]; 3], camera: &PinholeView) -> [[f32; 2]
 }
 
 /// The colour between four pixels.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image")]
 #[inline(always)]
 fn bilinear(colours: &[[f32; 4]], camera: &PinholeView, u: f32, v: f32) -> [f32; 4] {
     let (width, height) = (camera.width, camera.height);

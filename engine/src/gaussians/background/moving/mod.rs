@@ -109,7 +109,7 @@ pub(super) fn shown(
                 && pixels.advantage(view, &outline, pixel) + near.prior(&outline, pixel, width) > 0.0
         };
         let pixels = outline.pixels(width).zip(&inverse_depths).map(|(pixel, &inverse)| (pixel, inverse));
-        let (pixels, around): (Vec<(usize, f32)>, Vec<(usize, f32)>) = pixels.partition(shows);
+        let (pixels, around): (Vec<_>, Vec<_>) = pixels.partition(shows);
         Some(Shown { pixels, around: around.into_iter().map(|(pixel, _)| pixel).collect(), rows: outline.rows })
     };
     things.par_iter().enumerate().map(shown).collect()
