@@ -3,8 +3,8 @@
 use pulp::{Simd, WithSimd};
 
 use super::{
+    level::{Level, MAX_DIFFERENCE, NUM_DEPTHS},
     relative::RelativePose,
-    volume::{Level, MAX_DIFFERENCE, NUM_DEPTHS},
 };
 use crate::views::{NEAR, PinholeView, Projected, reduced::Reduced};
 

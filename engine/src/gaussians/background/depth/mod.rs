@@ -8,6 +8,7 @@ mod agree;
 mod enlarge;
 mod evidence;
 mod ground;
+mod level;
 mod matching;
 mod own_vehicle;
 mod relative;
@@ -20,7 +21,7 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 pub(super) use self::agree::{Map, Trust, trust};
-use self::{evidence::Evidence, ground::Ground, own_vehicle::Part, smooth::Choice, volume::Level};
+use self::{evidence::Evidence, ground::Ground, level::Level, own_vehicle::Part, smooth::Choice};
 use super::Sheet;
 use crate::{
     points::PointCloud,

@@ -5,7 +5,10 @@
 
 use rayon::prelude::*;
 
-use super::volume::{NUM_DEPTHS, NUM_LABELS, OWN_VEHICLE, Volume};
+use super::{
+    level::{NUM_DEPTHS, NUM_LABELS, OWN_VEHICLE},
+    volume::Volume,
+};
 use crate::views::reduced::Reduced;
 
 /// Cost of a neighbour's depth one label away.

@@ -7,17 +7,11 @@ use rayon::prelude::*;
 
 use super::{
     evidence::{Evidence, share_of},
+    level::{Level, MAX_DIFFERENCE, NUM_DEPTHS, NUM_LABELS, OWN_VEHICLE},
     matching::{Matching, Source},
 };
-use crate::views::reduced::{Reduced, difference};
+use crate::views::reduced::difference;
 
-/// Hypotheses of a pixel.
-pub(super) const NUM_LABELS: usize = 128;
-/// The hypothesis that the pixel shows the own vehicle, which moves with the camera.
-pub(super) const OWN_VEHICLE: usize = NUM_LABELS - 1;
-/// The hypotheses `label * step` of the inverse depth; one label between them and the own vehicle is never chosen, so that
-/// neighbours do not slide from one to the other.
-pub(super) const NUM_DEPTHS: usize = NUM_LABELS - 2;
 /// Pixels that a thread takes at once.
 const BLOCK: usize = 512;
 /// Costs are counted in quarters of a grey level.
@@ -26,8 +20,6 @@ const UNIT: f32 = 4.0;
 const UNSEEN: f32 = 20.0;
 /// The same where the pixel may show the own vehicle, which would else be taken for something so near that no other image shows it.
 const UNSEEN_BY_VEHICLE: f32 = 45.0;
-/// Largest cost of a difference in colour, grey levels.
-pub(super) const MAX_DIFFERENCE: f32 = 60.0;
 /// Cost of a step away from a return, and the most that a return costs, grey levels.
 const RETURN_STEP: (f32, f32) = (40.0, 60.0);
 /// Cost of a step away from the expected ground, and the most that it costs, grey levels.
@@ -47,15 +39,6 @@ const REACHED: (f32, f32) = (0.995, 1.1);
 /// Smallest and largest of the nearest hypotheses, 1 / metres.
 const NEAREST: (f32, f32) = (0.055, 0.63);
 
-/// A view with the descriptors that are compared.
-#[derive(Clone, Debug)]
-pub(super) struct Level {
-    /// The reduced view.
-    pub(super) view: Reduced,
-    /// `[H, W]` which neighbours in a 5 x 5 window are darker than the pixel, one bit each.
-    pub(super) census: Vec<u32>,
-}
-
 /// Costs of all hypotheses of all pixels.
 #[derive(Debug)]
 pub(super) struct Volume {
@@ -63,14 +46,6 @@ pub(super) struct Volume {
     pub(super) step: f32,
     /// `[H, W, NUM_LABELS]` quarters of a grey level.
     pub(super) costs: Vec<[i16; NUM_LABELS]>,
-}
-
-impl Level {
-    /// The descriptors of a reduced view.
-    pub(super) fn new(view: Reduced) -> Self {
-        let census = census(&view);
-        Self { view, census }
-    }
 }
 
 /// The costs of `level`'s hypotheses against the images of `sources`, the best of these counting.
@@ -149,20 +124,4 @@ fn with_evidence(seen: &[f32; NUM_DEPTHS], evidence: &Evidence, step: f32, own: 
 #[expect(clippy::cast_possible_truncation, reason = "the sum of the limits above is far below 32767 quarters")]
 fn to_cost(grey_levels: f32) -> i16 {
     (grey_levels * UNIT) as i16
-}
-
-fn census(view: &Reduced) -> Vec<u32> {
-    /// Neighbours must be darker by this much, summed over the channels, so that noise does not count.
-    const MARGIN: u16 = 5;
-    let (width, height) = (view.pinhole.width, view.pinhole.height);
-    let grey: Vec<u16> = view.colours.iter().map(|c| c.iter().map(|&v| u16::from(v)).sum()).collect();
-    let bits_of = |pixel: usize| {
-        let (column, row) = (pixel % width, pixel / width);
-        let around = |at: usize, k: usize, size: usize| (at + k).saturating_sub(2).min(size - 1);
-        (0..25).fold(0, |bits, k| {
-            let other = around(row, k / 5, height) * width + around(column, k % 5, width);
-            bits << 1 | u32::from(grey[other] + MARGIN < grey[pixel])
-        })
-    };
-    (0..grey.len()).into_par_iter().with_min_len(512).map(bits_of).collect()
 }
