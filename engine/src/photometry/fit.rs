@@ -70,7 +70,7 @@ impl Layout {
 /// Which places the responses are judged by; all are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Judged {
-    /// Those that counted cameras show.
+    /// Those that several cameras show.
     BetweenCameras,
     /// All of them.
     All,

@@ -20,7 +20,7 @@ use crate::{
     words::Words,
 };
 use fit::{Fit, Judged, Shown, fit};
-use observations::observe;
+use observations::{Observations, observe};
 
 /// Places of several cameras that say anything of them.
 const FEWEST_PLACES: usize = 50;
@@ -124,18 +124,18 @@ impl Photometry {
         let cameras: Vec<usize> = views.iter().map(|view| place(&view.camera).unwrap_or(0)).collect();
         let reference = reference.and_then(place).unwrap_or(0);
         let observed = observe(views);
-        let between = fit(&observed, &cameras, names.len(), reference, Judged::BetweenCameras);
-        let (mut images, brightness, errors) = if tells(&between, LEAST_GAIN) {
+        let fitted = |observed: &Observations, judged| fit(observed, &cameras, names.len(), reference, judged);
+        let several = (names.len() > 1).then(|| fitted(&observed, Judged::BetweenCameras));
+        let (mut images, brightness, errors) = if let Some(between) = several.filter(|fit| tells(fit, LEAST_GAIN)) {
             let images = images(views, &cameras, &between, false);
             let brightness = brightest(views, &images);
             (images, brightness, between.errors)
         } else {
-            let within = fit(&observed.of_light(), &cameras, names.len(), reference, Judged::All);
-            let images = images(views, &cameras, &within, true);
+            let within = fitted(&observed.of_light(), Judged::All);
             if !tells(&within, LEAST_GAIN_WITHIN) {
                 return None;
             }
-            (images, 1.0, within.errors)
+            (images(views, &cameras, &within, true), 1.0, within.errors)
         };
         for image in &mut images {
             image.response.gain = image.response.gain.map(|gain| gain * brightness);
