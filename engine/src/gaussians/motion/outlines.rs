@@ -18,7 +18,7 @@ const BESIDE: [f32; 2] = [1.5, 0.5];
 /// ... which are so many radians apart, and at least a pixel.
 const BEAM: f32 = 0.0028;
 /// Fewest returns of a thing in a row of an image of which two are outermost.
-const IN_A_ROW: u16 = 3;
+const IN_A_ROW: usize = 3;
 /// What is slower tells nothing, metres a second.
 const SLOWEST: f32 = 1.0;
 /// Fewest outermost returns that tell.
@@ -26,8 +26,11 @@ const FEWEST: usize = 40;
 /// How many times as strong edges must be than with any other times.
 const STRONGER: f64 = 1.25;
 
-/// Which of some times of the returns of a cloud the outlines of what moves fit best, by the squared contrasts across them; `None` where none is plainly better than all the
-/// others and than the cloud's own.
+/// Which of some times of the returns of a cloud the outlines of what moves fit best; `None` where none is plainly better than all the others
+/// and than the cloud's own.
+///
+/// # Formula
+/// The sum over outermost returns of the squared contrast across the outline; asked is 1.25 times that of any other times.
 ///
 /// # Shapes
 /// `times` `[N]` each, seconds since the clip's time zero.
@@ -36,8 +39,8 @@ pub(crate) fn best_times(cloud: &PointCloud, movement: &Movement, views: &[View]
     if outermost.len() < FEWEST {
         return None;
     }
-    let strength =
-        |times: &[f32]| -> f64 { outermost.iter().map(|end| f64::from(end.contrast(cloud, movement, times))).sum() };
+    let squared = |end: &Outermost<'_>, times: &[f32]| f64::from(end.contrast(cloud, movement, times)).powi(2);
+    let strength = |times: &[f32]| -> f64 { outermost.iter().map(|end| squared(end, times)).sum() };
     let own = strength(&cloud.times);
     let found: Vec<f64> = times.iter().map(|times| strength(times)).collect();
     let best = (0..found.len()).max_by(|&a, &b| found[a].total_cmp(&found[b]))?;
@@ -81,7 +84,7 @@ fn outermost<'a>(cloud: &PointCloud, movement: &Movement, view: &'a View) -> Vec
 /// The returns of a thing in a row of an image: column and index of the first and the last.
 #[derive(Clone, Copy)]
 struct Row {
-    count: u16,
+    count: usize,
     left: (f32, usize),
     right: (f32, usize),
 }
