@@ -30,8 +30,8 @@ use crate::{
 
 /// Depths are searched in images of at most so many pixels: what is found in a larger image is hardly better, and takes memory by the pixel.
 const MAX_PIXELS: usize = 150_000;
-/// Pixels of the views that are searched side by side, at least one view: each needs some 800 bytes a pixel while it runs.
-const PIXELS_AT_ONCE: usize = 160_000;
+/// Views that are searched side by side, at most: each needs some 800 bytes a pixel while it runs, and keeps two threads busy.
+const AT_ONCE: usize = 4;
 /// Other images of its camera that a view is matched against.
 const MAX_SOURCES: usize = 2;
 /// How much nearer than the ground that it hides the own vehicle is taken to be.
@@ -55,8 +55,7 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
         let choices = smooth::smooth(&volume, &levels[i].view);
         Search { evidence, choices, step: volume.step }
     };
-    let largest = levels.iter().map(|level| level.view.pinhole.num_pixels()).max().unwrap_or(1);
-    let at_once = (PIXELS_AT_ONCE / largest.max(1)).max(1);
+    let at_once = (rayon::current_num_threads() / 2).clamp(1, AT_ONCE);
     let all: Vec<usize> = (0..views.len()).collect();
     let searches: Vec<Search> =
         all.chunks(at_once).flat_map(|some| some.par_iter().map(|&i| search(i)).collect::<Vec<_>>()).collect();
