@@ -11,8 +11,11 @@ use rayon::prelude::*;
 
 use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
 use super::forward::TRANSMITTANCE;
-use super::lanes::{Broadcast, RowSpan};
+use super::lanes::Broadcast;
+use super::open::{Open, next};
+use super::pixels::{BLOCK, Pixels, fetch};
 use super::project::Footprint;
+use super::spans::Spans;
 use super::tiles::{TileLists, parts};
 use super::{ImageGradient, MAPS, Rendered, RenderedWithState};
 
@@ -103,7 +106,7 @@ struct TileMoments<'a, const M: usize> {
     lists: &'a TileLists,
     tile: usize,
     stops: &'a [f32],
-    state: &'a mut [f32],
+    state: &'a [f32],
     maps: &'a [f32],
     out: &'a mut [Moments],
     sums: &'a mut [[f32; M]],
@@ -114,34 +117,44 @@ impl<const M: usize> WithSimd for TileMoments<'_, M> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lists, tile, stops, state, maps, out, sums } = self;
-        let origin = lists.grid.origin(tile);
-        let broadcast = Broadcast::new(simd);
-        let state = S::as_mut_simd_f32s(state).0;
-        let (maps, stops) = (S::as_simd_f32s(maps).0, S::as_simd_f32s(stops).0);
-        let last = last_position(simd, stops);
-        let mut planes = Planes { state, maps, stops };
-        for (position, &intersection) in lists.intersections_of(tile).iter().enumerate().rev() {
-            if position as f32 >= last {
+        let Self { lists, tile: number, stops, state, maps, out, sums } = self;
+        let origin = lists.grid.origin(number);
+        let (broadcast, last) = (Broadcast::new(simd), last_position(simd, S::as_simd_f32s(stops).0));
+        let (mut pixels, mut room) = (Pixels::<{ STATE_PLANES + 1 }>::new(), [Footprint::default(); BLOCK]);
+        let plane = |k: usize| &state[k * TILE_PIXELS..(k + 1) * TILE_PIXELS];
+        let pixels = pixels.filled::<S>([plane(0), plane(1), plane(2), plane(3), plane(4), plane(5), stops]);
+        let maps = S::as_simd_f32s(maps).0;
+        let mut tile = OpenTile { pixels, maps, origin, open: Open::all(), spans: Spans::new() };
+        for (block, intersections) in lists.intersections_of(number).chunks(BLOCK).enumerate().rev() {
+            let first = block * BLOCK;
+            if first as f32 >= last {
                 continue;
             }
-            let footprint = &lists.footprints[intersection as usize];
-            (out[position], sums[position]) =
-                unblend(simd, &broadcast, &mut planes, footprint, &origin, position as f32);
+            tile.open = Open::before(simd, |i| tile.pixels[i][STATE_PLANES], first);
+            for (k, footprint) in fetch(&lists.footprints, intersections, &mut room).iter().enumerate().rev() {
+                let position = first + k;
+                if (position as f32) < last {
+                    (out[position], sums[position]) = unblend(simd, &broadcast, &mut tile, footprint, position as f32);
+                }
+            }
         }
     }
 }
 
-/// A tile: what is known of its pixels so far, the maps, and the list position that ended each pixel.
-struct Planes<'a, V> {
-    state: &'a mut [V],
+/// A tile: what is known of its pixels so far, with the list position that ended each, and the maps.
+struct OpenTile<'a, V> {
+    pixels: &'a mut [[V; STATE_PLANES + 1]],
+    /// `[M, TILE_PIXELS]`.
     maps: &'a [V],
-    stops: &'a [V],
+    /// Pixel (x, y) of the upper left corner.
+    origin: [usize; 2],
+    open: Open,
+    spans: Spans,
 }
 
 /// The position at which the last pixel of the tile ended; infinity when one did not.
 #[inline(always)]
-fn last_position<S: Simd>(simd: S, stops: &[S::f32s]) -> f32 {
+pub(super) fn last_position<S: Simd>(simd: S, stops: &[S::f32s]) -> f32 {
     let largest = stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s));
     simd.reduce_max_f32s(largest)
 }
@@ -151,42 +164,38 @@ fn last_position<S: Simd>(simd: S, stops: &[S::f32s]) -> f32 {
 fn unblend<S: Simd, const M: usize>(
     simd: S,
     broadcast: &Broadcast<S>,
-    planes: &mut Planes<'_, S::f32s>,
+    tile: &mut OpenTile<'_, S::f32s>,
     f: &Footprint,
-    origin: &[usize; 2],
     position: f32,
 ) -> (Moments, [f32; M]) {
-    let Planes { state, maps, stops } = planes;
+    let OpenTile { pixels, maps, origin, open, spans } = tile;
     let per_plane = TILE_PIXELS / S::F32_LANES;
     let per_row = TILE_WIDTH / S::F32_LANES;
     let colour = f.colour.map(|c| simd.splat_f32s(c));
     let depth = simd.splat_f32s(f.depth);
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
     let position = simd.splat_f32s(position);
-    let (v_red, rest) = state.split_at_mut(per_plane);
-    let (v_green, rest) = rest.split_at_mut(per_plane);
-    let (v_blue, rest) = rest.split_at_mut(per_plane);
-    let (v_depth, rest) = rest.split_at_mut(per_plane);
-    let (behind, transmittance) = rest.split_at_mut(per_plane);
     let (mut sums, mut under) = ([zero; MOMENTS], [zero; M]);
-    for row in f.rows_in(origin[1]) {
-        let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+    for row in spans.set(simd, f, *origin) {
+        let (span, reached) = spans.row(row, S::F32_LANES);
+        let mut vectors = reached & open.of(row);
         let (mut row_g, mut row_gu) = (zero, zero);
-        for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-            let i = row * per_row + chunk;
-            let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+        while let Some(vector) = next(&mut vectors) {
+            let i = row * per_row + vector;
+            let [vr, vg, vb, vd, behind, transmittance, stop] = &mut pixels[i];
+            let a = broadcast.alphas(simd, &span, f.curve_u, vector);
+            let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, *stop));
             let alpha = simd.select_f32s(live, a.alpha, zero);
             let recip = simd.div_f32s(one, simd.sub_f32s(one, alpha));
-            let t = simd.mul_f32s(transmittance[i], recip);
+            let t = simd.mul_f32s(*transmittance, recip);
             let w = simd.mul_f32s(alpha, t);
-            let (vr, vg, vb, vd) = (v_red[i], v_green[i], v_blue[i], v_depth[i]);
+            let (vr, vg, vb, vd) = (*vr, *vg, *vb, *vd);
             let q = simd.mul_add_f32s(colour[0], vr, simd.mul_f32s(colour[1], vg));
             let q = simd.mul_add_f32s(colour[2], vb, simd.mul_add_f32s(depth, vd, q));
-            let s = behind[i];
+            let s = *behind;
             let v_alpha = simd.sub_f32s(simd.mul_f32s(t, q), simd.mul_f32s(s, recip));
-            behind[i] = simd.mul_add_f32s(w, q, s);
-            transmittance[i] = t;
+            *behind = simd.mul_add_f32s(w, q, s);
+            *transmittance = t;
             let capped = simd.greater_than_f32s(a.uncapped, broadcast.alpha_max);
             let g = simd.select_f32s(capped, zero, simd.mul_f32s(alpha, v_alpha));
             let gu = simd.mul_f32s(g, a.u);

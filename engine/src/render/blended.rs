@@ -4,10 +4,13 @@ use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::RenderedWithState;
-use super::backward::{by_tile, load_maps};
+use super::backward::{by_tile, last_position, load_maps};
 use super::constants::{TILE_PIXELS, TILE_WIDTH};
-use super::lanes::{Broadcast, RowSpan};
+use super::lanes::Broadcast;
+use super::open::{Open, next};
+use super::pixels::{BLOCK, Pixels, fetch};
 use super::project::Footprint;
+use super::spans::Spans;
 use super::tiles::TileLists;
 
 /// Most maps that one pass over the tiles takes.
@@ -48,13 +51,11 @@ fn entry_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec
     let arch = pulp::Arch::new();
     let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
     per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
-        let mut planes = [0.0_f32; (MAPS + 1) * TILE_PIXELS];
-        let planes = &mut planes[..(M + 1) * TILE_PIXELS];
-        let (map_planes, transmittance) = planes.split_at_mut(M * TILE_PIXELS);
-        load_maps(map_planes, maps, [state.images.width, state.images.height], lists.grid.origin(tile));
-        transmittance.fill(1.0);
+        let mut planes = [0.0_f32; MAPS * TILE_PIXELS];
+        let planes = &mut planes[..M * TILE_PIXELS];
+        load_maps(planes, maps, [state.images.width, state.images.height], lists.grid.origin(tile));
         let stops = state.stops_of(tile);
-        arch.dispatch(TileSums { lists, tile, stops, planes, out });
+        arch.dispatch(TileSums { lists, tile, stops, maps: planes, out });
     });
     all
 }
@@ -64,7 +65,8 @@ struct TileSums<'a, const M: usize> {
     tile: usize,
     /// List position that ended each pixel.
     stops: &'a [f32],
-    planes: &'a mut [f32],
+    /// `[M, TILE_PIXELS]`.
+    maps: &'a [f32],
     out: &'a mut [[f32; M]],
 }
 
@@ -73,17 +75,24 @@ impl<const M: usize> WithSimd for TileSums<'_, M> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lists, tile, stops, planes, out } = self;
-        let origin = lists.grid.origin(tile);
-        let planes = S::as_mut_simd_f32s(planes).0;
-        let stops = S::as_simd_f32s(stops).0;
-        let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
-        let mut open = OpenTile { simd, broadcast: Broadcast::new(simd), planes, stops, origin };
-        for (position, (&intersection, out)) in lists.intersections_of(tile).iter().zip(out).enumerate() {
-            if position as f32 >= last {
-                return;
+        let Self { lists, tile: number, stops, maps, out } = self;
+        let origin = lists.grid.origin(number);
+        let last = last_position(simd, S::as_simd_f32s(stops).0);
+        let (mut pixels, mut room) = (Pixels::<2>::new(), [Footprint::default(); BLOCK]);
+        let pixels = pixels.filled::<S>([stops, &[1.0; TILE_PIXELS]]);
+        let (broadcast, maps) = (Broadcast::new(simd), S::as_simd_f32s(maps).0);
+        let mut tile = OpenTile { simd, broadcast, pixels, maps, origin, open: Open::all(), spans: Spans::new() };
+        let blocks = lists.intersections_of(number).chunks(BLOCK).zip(out.chunks_mut(BLOCK)).enumerate();
+        for (block, (intersections, out)) in blocks {
+            let footprints = fetch(&lists.footprints, intersections, &mut room);
+            tile.open = Open::before(simd, |i| tile.pixels[i][0], block * BLOCK);
+            for (k, (footprint, out)) in footprints.iter().zip(out).enumerate() {
+                let position = (block * BLOCK + k) as f32;
+                if position >= last {
+                    return;
+                }
+                *out = tile.gather(footprint, position);
             }
-            *out = open.gather(&lists.footprints[intersection as usize], position as f32);
         }
     }
 }
@@ -92,34 +101,37 @@ impl<const M: usize> WithSimd for TileSums<'_, M> {
 struct OpenTile<'a, S: Simd> {
     simd: S,
     broadcast: Broadcast<S>,
-    /// The maps, then the transmittance.
-    planes: &'a mut [S::f32s],
-    /// List position that ended each pixel.
-    stops: &'a [S::f32s],
+    /// The list position that ended each pixel, and the transmittance.
+    pixels: &'a mut [[S::f32s; 2]],
+    /// `[M, TILE_PIXELS]`.
+    maps: &'a [S::f32s],
     /// Pixel (x, y) of the upper left corner.
     origin: [usize; 2],
+    open: Open,
+    spans: Spans,
 }
 
 impl<S: Simd> OpenTile<'_, S> {
     /// The sums of one Gaussian over the tile; moves the transmittance behind it.
     #[inline(always)]
     fn gather<const M: usize>(&mut self, f: &Footprint, position: f32) -> [f32; M] {
-        let Self { simd, ref broadcast, ref mut planes, stops, origin } = *self;
+        let Self { simd, ref broadcast, ref mut pixels, maps, origin, ref open, ref mut spans } = *self;
         let per_plane = TILE_PIXELS / S::F32_LANES;
         let per_row = TILE_WIDTH / S::F32_LANES;
-        let (maps, transmittance) = planes.split_at_mut(M * per_plane);
         let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
         let position = simd.splat_f32s(position);
         let mut sums = [zero; M];
-        for row in f.rows_in(origin[1]) {
-            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
-            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-                let i = row * per_row + chunk;
-                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+        for row in spans.set(simd, f, origin) {
+            let (span, reached) = spans.row(row, S::F32_LANES);
+            let mut vectors = reached & open.of(row);
+            while let Some(vector) = next(&mut vectors) {
+                let i = row * per_row + vector;
+                let [stop, transmittance] = &mut pixels[i];
+                let a = broadcast.alphas(simd, &span, f.curve_u, vector);
+                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, *stop));
                 let alpha = simd.select_f32s(live, a.alpha, zero);
-                let w = simd.mul_f32s(alpha, transmittance[i]);
-                transmittance[i] = simd.mul_f32s(transmittance[i], simd.sub_f32s(one, alpha));
+                let w = simd.mul_f32s(alpha, *transmittance);
+                *transmittance = simd.mul_f32s(*transmittance, simd.sub_f32s(one, alpha));
                 for (map, sum) in sums.iter_mut().enumerate() {
                     *sum = simd.mul_add_f32s(w, maps[map * per_plane + i], *sum);
                 }

@@ -11,12 +11,15 @@
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::backward::{by_tile, load_maps};
+use super::backward::{by_tile, last_position, load_maps};
 use super::blended::over_tiles;
 use super::constants::{ALPHA_MIN, EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
 use super::forward::TRANSMITTANCE;
-use super::lanes::{Broadcast, RowSpan};
+use super::lanes::Broadcast;
+use super::open::{Open, next};
+use super::pixels::{BLOCK, Pixels, fetch};
 use super::project::Footprint;
+use super::spans::Spans;
 use super::tiles::TileLists;
 use super::{Rendered, RenderedWithState};
 use crate::ops::lanes::exp2;
@@ -118,7 +121,7 @@ fn sums_of<const M: usize>(state: &RenderedWithState, costs: &PixelCosts, halvin
         load(&mut planes, state, tile, costs);
         let stops = state.stops_of(tile);
         let per = [costs.per_colour, costs.per_square, costs.per_depth];
-        arch.dispatch(TileEffects { lists, tile, stops, planes: &mut planes, per, halving, out });
+        arch.dispatch(TileEffects { lists, tile, stops, planes: &planes, per, halving, out });
     });
     over_tiles(lists, &all)
 }
@@ -146,7 +149,7 @@ struct TileEffects<'a, const M: usize> {
     lists: &'a TileLists,
     tile: usize,
     stops: &'a [f32],
-    planes: &'a mut [f32],
+    planes: &'a [f32],
     per: [f32; 3],
     halving: &'a [[f32; 2]],
     out: &'a mut [[f32; M]],
@@ -159,18 +162,27 @@ impl<const M: usize> WithSimd for TileEffects<'_, M> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { lists, tile, stops, planes, per, halving, out } = self;
         let origin = lists.grid.origin(tile);
-        let planes = S::as_mut_simd_f32s(planes).0;
-        let stops = S::as_simd_f32s(stops).0;
-        let last = simd.reduce_max_f32s(stops.iter().fold(simd.splat_f32s(0.0), |m, &s| simd.max_f32s(m, s)));
+        let last = last_position(simd, S::as_simd_f32s(stops).0);
         let per = per.map(|cost| simd.splat_f32s(cost));
-        let mut open = OpenTile { simd, broadcast: Broadcast::new(simd), planes, stops, origin, per };
-        for (position, &intersection) in lists.intersections_of(tile).iter().enumerate().rev() {
-            if position as f32 >= last {
+        let (mut pixels, mut room) = (Pixels::<{ PLANES + 1 }>::new(), [Footprint::default(); BLOCK]);
+        let plane = |k: usize| if k < PLANES { &planes[k * TILE_PIXELS..(k + 1) * TILE_PIXELS] } else { stops };
+        let pixels = pixels.filled::<S>(std::array::from_fn(plane));
+        let (broadcast, spans) = (Broadcast::new(simd), Spans::new());
+        let mut open = OpenTile { simd, broadcast, pixels, origin, per, open: Open::all(), spans };
+        for (block, intersections) in lists.intersections_of(tile).chunks(BLOCK).enumerate().rev() {
+            let first = block * BLOCK;
+            if first as f32 >= last {
                 continue;
             }
-            let halving = halving.get(intersection as usize).copied().unwrap_or_default();
-            let half = Half { footprint: &lists.footprints[intersection as usize], halving };
-            out[position] = open.walk(&half, position as f32);
+            let footprints = fetch(&lists.footprints, intersections, &mut room);
+            open.open = Open::before(simd, |i| open.pixels[i][PLANES], first);
+            for (k, (footprint, &intersection)) in footprints.iter().zip(intersections).enumerate().rev() {
+                let position = first + k;
+                if (position as f32) < last {
+                    let halving = halving.get(intersection as usize).copied().unwrap_or_default();
+                    out[position] = open.walk(&Half { footprint, halving }, position as f32);
+                }
+            }
         }
     }
 }
@@ -185,24 +197,23 @@ struct Half<'a> {
 struct OpenTile<'a, S: Simd> {
     simd: S,
     broadcast: Broadcast<S>,
-    /// `[PLANES, TILE_PIXELS]`.
-    planes: &'a mut [S::f32s],
-    /// List position that ended each pixel.
-    stops: &'a [S::f32s],
+    /// The planes, then the list position that ended each pixel.
+    pixels: &'a mut [[S::f32s; PLANES + 1]],
     /// Pixel (x, y) of the upper left corner.
     origin: [usize; 2],
     /// What an error of 1 costs: of colour, of its square, of depth.
     per: [S::f32s; 3],
+    open: Open,
+    spans: Spans,
 }
 
 impl<S: Simd> OpenTile<'_, S> {
     /// The sums of one Gaussian over the tile; moves what is behind, and the transmittance, in front of it.
     #[inline(always)]
     fn walk<const M: usize>(&mut self, half: &Half<'_>, position: f32) -> [f32; M] {
-        let Self { simd, ref broadcast, ref mut planes, stops, origin, per: [per_colour, per_square, per_depth] } =
-            *self;
+        let Self { simd, ref broadcast, ref mut pixels, origin, per, ref open, ref mut spans } = *self;
+        let [per_colour, per_square, per_depth] = per;
         let Half { footprint: f, halving } = half;
-        let per_plane = TILE_PIXELS / S::F32_LANES;
         let per_row = TILE_WIDTH / S::F32_LANES;
         let colour = f.colour.map(|c| simd.splat_f32s(c));
         let depth = simd.splat_f32s(f.depth);
@@ -211,22 +222,22 @@ impl<S: Simd> OpenTile<'_, S> {
         let least = simd.splat_f32s(0.5 * ALPHA_MIN);
         let position = simd.splat_f32s(position);
         let mut sums = [zero; SUMS];
-        for row in f.rows_in(origin[1]) {
-            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
+        for row in spans.set(simd, f, origin) {
+            let (span, reached) = spans.row(row, S::F32_LANES);
+            let mut vectors = reached & open.of(row);
             // `u` counts from the row's peak, which is `shear dy` beside the centre.
             let at_peak = halving[0] * f.shear * span.dy + halving[1] * span.dy;
             let (at_peak, along) = (simd.splat_f32s(-at_peak), simd.splat_f32s(-halving[0]));
-            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-                let i = row * per_row + chunk;
-                let at = |plane: usize| plane * per_plane + i;
-                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, stops[i]));
+            while let Some(vector) = next(&mut vectors) {
+                let planes = &mut pixels[row * per_row + vector];
+                let a = broadcast.alphas(simd, &span, f.curve_u, vector);
+                let live = simd.and_m32s(a.drawn, simd.less_than_f32s(position, planes[PLANES]));
                 let alpha = simd.select_f32s(live, a.alpha, zero);
                 let through = simd.sub_f32s(one, alpha);
-                let t = simd.div_f32s(planes[at(15)], through);
-                planes[at(15)] = t;
+                let t = simd.div_f32s(planes[15], through);
+                planes[15] = t;
                 let w = simd.mul_f32s(alpha, t);
-                let counted = planes[at(6)];
+                let counted = planes[6];
                 let w_counted = simd.mul_f32s(w, counted);
                 let first = if M == SUMS {
                     let odds = exp2(simd, simd.min_f32s(most, simd.mul_add_f32s(along, a.u, at_peak)));
@@ -236,24 +247,24 @@ impl<S: Simd> OpenTile<'_, S> {
                 };
                 let (mut colours, mut linear) = (zero, zero);
                 for c in 0..3 {
-                    let behind = planes[at(10 + c)];
+                    let behind = planes[10 + c];
                     let change = simd.mul_f32s(w, simd.sub_f32s(behind, colour[c]));
-                    planes[at(10 + c)] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
-                    let residual = planes[at(c)];
+                    planes[10 + c] = simd.mul_add_f32s(through, behind, simd.mul_f32s(alpha, colour[c]));
+                    let residual = planes[c];
                     let size = simd.abs_f32s(simd.add_f32s(residual, change));
                     let by_size = simd.mul_f32s(per_colour, simd.sub_f32s(size, simd.abs_f32s(residual)));
                     let by_square = simd.mul_f32s(per_square, simd.add_f32s(simd.add_f32s(residual, residual), change));
                     colours = simd.add_f32s(colours, simd.mul_add_f32s(by_square, change, by_size));
-                    linear = simd.mul_add_f32s(planes[at(3 + c)], change, linear);
+                    linear = simd.mul_add_f32s(planes[3 + c], change, linear);
                     if M == SUMS {
                         sums[3 + c] = simd.mul_add_f32s(first, residual, sums[3 + c]);
                         sums[6 + c] = simd.mul_add_f32s(w_counted, residual, sums[6 + c]);
                     }
                 }
-                let (depth_behind, alpha_behind) = (planes[at(13)], planes[at(14)]);
-                planes[at(13)] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
-                planes[at(14)] = simd.mul_add_f32s(through, alpha_behind, alpha);
-                let (drawn, drawn_alpha, truth) = (planes[at(8)], planes[at(9)], planes[at(7)]);
+                let (depth_behind, alpha_behind) = (planes[13], planes[14]);
+                planes[13] = simd.mul_add_f32s(through, depth_behind, simd.mul_f32s(alpha, depth));
+                planes[14] = simd.mul_add_f32s(through, alpha_behind, alpha);
+                let (drawn, drawn_alpha, truth) = (planes[8], planes[9], planes[7]);
                 let new = simd.mul_add_f32s(w, simd.sub_f32s(depth_behind, depth), drawn);
                 let new_alpha = simd.mul_add_f32s(w, simd.sub_f32s(alpha_behind, one), drawn_alpha);
                 let before = simd.sub_f32s(simd.div_f32s(drawn, simd.max_f32s(drawn_alpha, eps)), truth);

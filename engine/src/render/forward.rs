@@ -5,8 +5,11 @@ use rayon::prelude::*;
 
 use super::Rendered;
 use super::constants::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
-use super::lanes::{Broadcast, RowSpan};
+use super::lanes::Broadcast;
+use super::open::{Open, is_any, next};
+use super::pixels::{BLOCK, Pixels, fetch, write};
 use super::project::Footprint;
+use super::spans::Spans;
 use super::tiles::{TileGrid, TileLists};
 
 /// Red, green, blue, depth, transmittance and the list position that ended each pixel.
@@ -15,8 +18,6 @@ pub(super) const PLANES: usize = 6;
 pub(super) const TRANSMITTANCE: usize = 4;
 /// Plane of the list position that ended the pixel; infinity where none did.
 pub(super) const STOP: usize = 5;
-/// After so many Gaussians a tile looks whether all its pixels have ended.
-const CHECK_EVERY: usize = 16;
 
 /// Composited tiles: `[num_tiles, PLANES, TILE_PIXELS]`. A Gaussian that would bring the transmittance to `opaque` or below ends the pixel.
 pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
@@ -36,7 +37,7 @@ pub(super) struct CompositeTile<'a> {
     pub(super) intersections: &'a [u32],
     /// Pixel (x, y) of the tile's upper left corner.
     pub(super) origin: [usize; 2],
-    /// `[PLANES, TILE_PIXELS]` to fill; zeros.
+    /// `[PLANES, TILE_PIXELS]` to fill.
     pub(super) planes: &'a mut [f32],
     /// Transmittance at which a pixel ends.
     pub(super) opaque: f32,
@@ -48,16 +49,30 @@ impl WithSimd for CompositeTile<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { footprints, intersections, origin, planes, opaque } = self;
-        planes[TRANSMITTANCE * TILE_PIXELS..STOP * TILE_PIXELS].fill(1.0);
-        planes[STOP * TILE_PIXELS..].fill(f32::INFINITY);
-        let mut tile =
-            OpenTile { simd, broadcast: Broadcast::new(simd), planes: S::as_mut_simd_f32s(planes).0, origin, opaque };
-        for (position, &intersection) in intersections.iter().enumerate() {
-            tile.blend(&footprints[intersection as usize], position as f32);
-            if position % CHECK_EVERY == CHECK_EVERY - 1 && tile.all_ended() {
+        let (mut pixels, mut room) = (Pixels::<PLANES>::new(), [Footprint::default(); BLOCK]);
+        let pixels = pixels.vectors::<S>();
+        for pixel in &mut *pixels {
+            pixel[TRANSMITTANCE] = simd.splat_f32s(1.0);
+            pixel[STOP] = simd.splat_f32s(f32::INFINITY);
+        }
+        let mut tile = OpenTile {
+            simd,
+            broadcast: Broadcast::new(simd),
+            pixels,
+            origin,
+            opaque,
+            open: Open::all(),
+            spans: Spans::new(),
+        };
+        for (block, intersections) in intersections.chunks(BLOCK).enumerate() {
+            for (k, footprint) in fetch(footprints, intersections, &mut room).iter().enumerate() {
+                tile.blend(footprint, (block * BLOCK + k) as f32);
+            }
+            if tile.open.is_empty(TILE_WIDTH / S::F32_LANES) {
                 break;
             }
         }
+        write::<S, PLANES>(tile.pixels, planes);
     }
 }
 
@@ -65,59 +80,54 @@ impl WithSimd for CompositeTile<'_> {
 struct OpenTile<'a, S: Simd> {
     simd: S,
     broadcast: Broadcast<S>,
-    /// `[PLANES, TILE_PIXELS]`.
-    planes: &'a mut [S::f32s],
+    pixels: &'a mut [[S::f32s; PLANES]],
     /// Pixel (x, y) of the upper left corner.
     origin: [usize; 2],
     /// Transmittance at which a pixel ends.
     opaque: f32,
+    open: Open,
+    spans: Spans,
 }
 
 impl<S: Simd> OpenTile<'_, S> {
     /// Blends one Gaussian.
     #[inline(always)]
     fn blend(&mut self, f: &Footprint, position: f32) {
-        let Self { simd, ref broadcast, ref mut planes, origin, opaque } = *self;
-        let per_plane = TILE_PIXELS / S::F32_LANES;
+        let Self { simd, ref broadcast, ref mut pixels, origin, opaque, ref mut open, ref mut spans } = *self;
         let per_row = TILE_WIDTH / S::F32_LANES;
         let colour = f.colour.map(|c| simd.splat_f32s(c));
         let depth = simd.splat_f32s(f.depth);
         let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
         let threshold = simd.splat_f32s(opaque);
         let position = simd.splat_f32s(position);
-        let (red, rest) = planes.split_at_mut(per_plane);
-        let (green, rest) = rest.split_at_mut(per_plane);
-        let (blue, rest) = rest.split_at_mut(per_plane);
-        let (depths, rest) = rest.split_at_mut(per_plane);
-        let (transmittance, stops) = rest.split_at_mut(per_plane);
-        for row in f.rows_in(origin[1]) {
-            let Some(span) = RowSpan::of(f, origin[0] as f32, (origin[1] + row) as f32 + 0.5) else { continue };
-            for chunk in span.first / S::F32_LANES..=span.last / S::F32_LANES {
-                let i = row * per_row + chunk;
-                let a = broadcast.alphas(simd, &span, f.curve_u, chunk);
-                let t = transmittance[i];
+        for row in spans.set(simd, f, origin) {
+            let (span, reached) = spans.row(row, S::F32_LANES);
+            let mut vectors = reached & open.of(row);
+            while let Some(vector) = next(&mut vectors) {
+                let [red, green, blue, depths, transmittance, stop] = &mut pixels[row * per_row + vector];
+                let t = *transmittance;
+                let a = broadcast.alphas(simd, &span, f.curve_u, vector);
                 let live = simd.and_m32s(a.drawn, simd.greater_than_f32s(t, zero));
-                let next = simd.mul_f32s(t, simd.sub_f32s(one, a.alpha));
-                let ends = simd.less_than_or_equal_f32s(next, threshold);
+                let next_t = simd.mul_f32s(t, simd.sub_f32s(one, a.alpha));
+                let ends = simd.less_than_or_equal_f32s(next_t, threshold);
                 let w = simd.select_f32s(simd.and_m32s(live, simd.not_m32s(ends)), simd.mul_f32s(a.alpha, t), zero);
                 let ends = simd.and_m32s(live, ends);
-                red[i] = simd.mul_add_f32s(w, colour[0], red[i]);
-                green[i] = simd.mul_add_f32s(w, colour[1], green[i]);
-                blue[i] = simd.mul_add_f32s(w, colour[2], blue[i]);
-                depths[i] = simd.mul_add_f32s(w, depth, depths[i]);
-                transmittance[i] = simd.select_f32s(ends, simd.neg_f32s(t), simd.select_f32s(live, next, t));
-                stops[i] = simd.select_f32s(ends, position, stops[i]);
+                *red = simd.mul_add_f32s(w, colour[0], *red);
+                *green = simd.mul_add_f32s(w, colour[1], *green);
+                *blue = simd.mul_add_f32s(w, colour[2], *blue);
+                *depths = simd.mul_add_f32s(w, depth, *depths);
+                let left = simd.select_f32s(live, next_t, t);
+                *transmittance = left;
+                if is_any(simd, ends) {
+                    let left = simd.select_f32s(ends, simd.neg_f32s(t), left);
+                    *transmittance = left;
+                    *stop = simd.select_f32s(ends, position, *stop);
+                    if !is_any(simd, simd.greater_than_f32s(left, zero)) {
+                        open.close(row, vector);
+                    }
+                }
             }
         }
-    }
-
-    #[inline(always)]
-    fn all_ended(&self) -> bool {
-        let Self { simd, ref planes, .. } = *self;
-        let per_plane = TILE_PIXELS / S::F32_LANES;
-        let transmittance = &planes[TRANSMITTANCE * per_plane..STOP * per_plane];
-        let largest = transmittance.iter().fold(simd.splat_f32s(-1.0), |m, &t| simd.max_f32s(m, t));
-        simd.reduce_max_f32s(largest) < 0.0
     }
 }
 

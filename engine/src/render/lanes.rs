@@ -1,9 +1,9 @@
-//! Vector arithmetic that the compositing passes share.
+//! Alphas that the compositing passes share, a vector of pixels at a time.
 
 use pulp::Simd;
 
 use super::constants::{ALPHA_MAX, ALPHA_MIN, TILE_WIDTH};
-use super::project::Footprint;
+use super::spans::RowSpan;
 use crate::ops::lanes::exp2;
 
 /// Centres of the pixels of a row of a tile, relative to the tile's left edge.
@@ -16,40 +16,6 @@ const PIXEL_CENTRES: [f32; TILE_WIDTH] = {
     }
     centres
 };
-
-/// One row of a Gaussian inside a tile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RowSpan {
-    /// x at which the row's alpha is largest, relative to the tile's left edge, pixels.
-    pub(super) peak_x: f32,
-    /// Exponent at the peak, base 2.
-    pub(super) peak_log2: f32,
-    /// Height above the mean, pixels.
-    pub(super) dy: f32,
-    /// First and last pixel of the row in the tile.
-    pub(super) first: usize,
-    pub(super) last: usize,
-}
-
-impl RowSpan {
-    /// The part of image row `y` inside the tile at `left` in which the Gaussian can reach the minimum alpha.
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the tile before the cast")]
-    pub(super) fn of(f: &Footprint, left: f32, y: f32) -> Option<Self> {
-        let dy = y - f.mean_y;
-        let peak_x = (f.mean_x - left) + f.shear * dy;
-        let half = f.half_width(dy) + 1e-3;
-        let first = (peak_x - half - 0.5).max(0.0);
-        let last = (peak_x + half - 0.5).min(TILE_WIDTH as f32 - 1.0);
-        // The cast of a non-negative float rounds down: at most one pixel too many at the left.
-        if first <= last {
-            let peak_log2 = f.log2_opacity + f.curve_y * dy * dy;
-            Some(Self { peak_x, peak_log2, dy, first: first as usize, last: last as usize })
-        } else {
-            None
-        }
-    }
-}
 
 /// The alphas of one vector of pixels.
 #[derive(Clone, Copy, Debug)]

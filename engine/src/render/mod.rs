@@ -26,10 +26,13 @@ pub mod gpu;
 mod halving;
 mod lanes;
 mod memory_estimate;
+mod open;
 mod patch;
+mod pixels;
 mod places;
 mod project;
 mod project_backward;
+mod spans;
 mod tile_sort;
 mod tiles;
 

@@ -67,7 +67,7 @@ pub(super) struct Projected {
 /// # Formula
 /// With `u = x - mean_x - shear dy` and `dy = y - mean_y`: `alpha = 2^(log2_opacity + curve_u u^2 + curve_y dy^2)`: the
 /// exponent with its square completed along the row, so that no two large terms cancel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Footprint {
     pub(super) mean_x: f32,
     pub(super) mean_y: f32,
@@ -115,6 +115,7 @@ impl Projector {
     }
 
     /// The Gaussian in the camera; at the moment at which it is exposed, where the shutter rolls and it is ahead.
+    #[inline(always)]
     fn sight(&self, splat: &Splat) -> Sight {
         let elapsed = self.time - f64::from(splat.time);
         let velocity = vector(splat.velocity);
@@ -140,7 +141,11 @@ impl Projector {
 
     /// The Gaussian in the camera; `None` behind the near plane or where a parameter is not finite.
     pub(super) fn project(&self, splat: &Splat) -> Option<Projected> {
-        let Sight { mean: t, rotation, elapsed, bend } = self.sight(splat);
+        self.project_seen(splat, &self.sight(splat))
+    }
+
+    #[inline(always)]
+    fn project_seen(&self, splat: &Splat, &Sight { mean: t, rotation, elapsed, bend }: &Sight) -> Option<Projected> {
         if !t.is_finite() || t.z < NEAR_PLANE {
             return None;
         }
@@ -179,8 +184,8 @@ impl Projector {
     ///
     /// # Formula
     /// `cov_xx <= |row of J W|^2 s_max^2 + 0.3`.
-    fn is_surely_outside(&self, splat: &Splat) -> bool {
-        let Sight { mean: t, rotation, bend, .. } = self.sight(splat);
+    #[inline(always)]
+    fn is_surely_outside(&self, splat: &Splat, &Sight { mean: t, rotation, bend, .. }: &Sight) -> bool {
         if t.z < NEAR_PLANE {
             return true;
         }
@@ -206,15 +211,17 @@ impl Projector {
 
     /// The footprint of a Gaussian; `None` where it can reach no pixel of the image.
     pub(super) fn footprint(&self, splat: &Splat, index: u32) -> Option<Footprint> {
-        if splat.opacity.is_nan() || splat.opacity < ALPHA_MIN || self.is_surely_outside(splat) {
+        if splat.opacity.is_nan() || splat.opacity < ALPHA_MIN {
             return None;
         }
-        self.exact_footprint(splat, index)
+        let sight = self.sight(splat);
+        if self.is_surely_outside(splat, &sight) { None } else { self.exact_footprint(splat, &sight, index) }
     }
 
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "f64 to f32 is the purpose")]
-    fn exact_footprint(&self, splat: &Splat, index: u32) -> Option<Footprint> {
-        let projected = self.project(splat)?;
+    fn exact_footprint(&self, splat: &Splat, sight: &Sight, index: u32) -> Option<Footprint> {
+        let projected = self.project_seen(splat, sight)?;
         let centre = self.centre_of(&projected);
         let [xx, xy, yy] = projected.covariance;
         let reach = (2.0 * (f64::from(splat.opacity) / f64::from(ALPHA_MIN)).ln()).sqrt() + 1e-4;
@@ -324,8 +331,9 @@ mod tests {
                 velocity: [1.0, 0.0, -1.0],
                 ..Splat::default()
             };
-            let drawn = splat.opacity >= ALPHA_MIN && projector.exact_footprint(&splat, i).is_some();
-            let culled = projector.is_surely_outside(&splat);
+            let sight = projector.sight(&splat);
+            let drawn = splat.opacity >= ALPHA_MIN && projector.exact_footprint(&splat, &sight, i).is_some();
+            let culled = projector.is_surely_outside(&splat, &sight);
             assert!(!(drawn && culled), "Gaussian {i}: {splat:?}");
             outside += usize::from(culled);
             shown += usize::from(drawn);
@@ -333,6 +341,7 @@ mod tests {
         }
         assert!(outside > 5000 && shown > 2000 && missed < outside / 4, "{outside} {shown} {missed}");
         let spoilt = Splat { mean: [f32::NAN; 3], ..Splat::default() };
-        assert!(!projector.is_surely_outside(&spoilt) && projector.footprint(&spoilt, 0).is_none());
+        assert!(!projector.is_surely_outside(&spoilt, &projector.sight(&spoilt)));
+        assert!(projector.footprint(&spoilt, 0).is_none());
     }
 }

@@ -65,6 +65,7 @@ impl Shutter {
         self.limited(self.first + self.by_pixel.dot(at))
     }
 
+    #[inline(always)]
     fn limited(&self, seconds: f64) -> f64 {
         seconds.clamp(self.limits[0], self.limits[1])
     }
@@ -74,6 +75,7 @@ impl Shutter {
     /// # Formula
     /// With `m(x)` the moment of image position x, `x_0` and `r` the point's at the view's time and its rate there: the solution
     /// `m(x_0) / (1 - grad m r)` of `s = m(x_0 + r s)`, a Newton step. Around it, places are drawn apart by `I + r grad m^T / (1 - grad m r)`.
+    #[inline(always)]
     pub(crate) fn taken(&self, view: &Lens, point: DVec3, weight: f64, velocity: DVec3) -> Taken {
         let nearness = 1.0 / point.z;
         let slope = DVec2::new(point.x, point.y) * nearness;
@@ -99,6 +101,7 @@ impl Shutter {
     }
 
     /// The camera `seconds` after the view's time: what turns its axes at the view's time, and what is added to translations before that.
+    #[inline(always)]
     pub(crate) fn carried(&self, seconds: f64) -> (DMat3, DVec3) {
         (DMat3::from_quat(turned(-self.turn * seconds)), -self.drift * seconds)
     }
@@ -129,6 +132,7 @@ impl Shutter {
 }
 
 /// The rotation by a rotation vector, radians. Within a readout it is small, and the series of sine and cosine are exact.
+#[inline(always)]
 fn turned(by: DVec3) -> DQuat {
     let half = 0.5 * by;
     let square = half.length_squared();
