@@ -140,6 +140,7 @@ impl Projector {
     }
 
     /// The Gaussian in the camera; `None` behind the near plane or where a parameter is not finite.
+    #[inline(always)]
     pub(super) fn project(&self, splat: &Splat) -> Option<Projected> {
         self.project_seen(splat, &self.sight(splat))
     }
@@ -190,13 +191,17 @@ impl Projector {
             return true;
         }
         let slope = DVec2::new(t.x, t.y) / t.z;
+        let centre = self.focal * slope + self.centre;
+        if (0..2).all(|axis| centre[axis] >= 0.5 && centre[axis] <= self.size[axis] as f64 - 0.5) {
+            return false;
+        }
         let kept = slope.clamp(self.limits_min, self.limits_max);
         let largest = splat.scale.iter().fold(0.0_f64, |max, &s| max.max(f64::from(s).abs()));
         let w = rotation.transpose();
         let rows = [w.x_axis - kept.x * w.z_axis, w.y_axis - kept.y * w.z_axis];
         let rows = [0, 1].map(|k| self.focal[k] / t.z * rows[k]);
         let rows = bend.map_or(rows, |bend| bent(bend, rows));
-        let (centre, reach) = (self.focal * slope + self.centre, largest_reach(splat.opacity));
+        let reach = largest_reach(splat.opacity);
         (0..2).any(|axis| {
             let extent = reach * (largest * largest * rows[axis].length_squared() + BLUR_PX2).sqrt();
             centre[axis] + extent < 0.5 || centre[axis] - extent > self.size[axis] as f64 - 0.5
@@ -204,12 +209,14 @@ impl Projector {
     }
 
     /// Centre of the projected Gaussian, pixels.
+    #[inline(always)]
     pub(super) fn centre_of(&self, projected: &Projected) -> DVec2 {
         let t = projected.camera_mean;
         self.focal * DVec2::new(t.x, t.y) / t.z + self.centre
     }
 
     /// The footprint of a Gaussian; `None` where it can reach no pixel of the image.
+    #[inline(always)]
     pub(super) fn footprint(&self, splat: &Splat, index: u32) -> Option<Footprint> {
         if splat.opacity.is_nan() || splat.opacity < ALPHA_MIN {
             return None;
@@ -258,6 +265,7 @@ impl Footprint {
         (room.max(0.0) * self.width2).sqrt()
     }
 
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         let sum = self.mean_x + self.mean_y + self.shear + self.curve_u + self.curve_y + self.width2;
         let rest = self.colour.iter().sum::<f32>()
@@ -270,22 +278,26 @@ impl Footprint {
     }
 }
 
+#[inline(always)]
 fn vector(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }
 
 /// The rows of a map to the image, its places drawn apart.
+#[inline(always)]
 fn bent(bend: DMat2, rows: [DVec3; 2]) -> [DVec3; 2] {
     [0, 1].map(|k| bend.x_axis[k] * rows[0] + bend.y_axis[k] * rows[1])
 }
 
 /// At least as many standard deviations as those at which alpha falls to its minimum, with room for rounding.
+#[inline(always)]
 fn largest_reach(opacity: f32) -> f64 {
     const OF_OPAQUE: f64 = 3.33;
     if opacity <= 1.0 { OF_OPAQUE } else { (2.0 * (f64::from(opacity) / f64::from(ALPHA_MIN)).ln()).sqrt() + 1e-2 }
 }
 
 /// The unit quaternion and the norm; the identity and 0 where there is no direction.
+#[inline(always)]
 fn normalise(q: [f64; 4]) -> ([f64; 4], f64) {
     let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     // What is not a number stays so: the footprint is then not finite and nothing is drawn.
@@ -293,6 +305,7 @@ fn normalise(q: [f64; 4]) -> ([f64; 4], f64) {
 }
 
 /// The rotation of a unit quaternion (w, x, y, z).
+#[inline(always)]
 fn rotation_of([w, x, y, z]: [f64; 4]) -> DMat3 {
     DMat3::from_cols(
         DVec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),

@@ -16,7 +16,7 @@ pub(super) fn gradients(
     lists: &TileLists,
     moments: &[Moments],
 ) -> Vec<SplatGradient> {
-    let projector = Projector::new(view);
+    let (projector, arch) = (Projector::new(view), pulp::Arch::new());
     (0..lists.footprints.len())
         .into_par_iter()
         .with_min_len(1024)
@@ -29,12 +29,13 @@ pub(super) fn gradients(
                     *sum += f64::from(moment);
                 }
             }
-            gradient_of(&projector, &splats[lists.footprints[v].index as usize], &sums)
+            arch.dispatch(|| gradient_of(&projector, &splats[lists.footprints[v].index as usize], &sums))
         })
         .collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "gradients are stored in f32")]
+#[inline(always)]
 fn gradient_of(projector: &Projector, splat: &Splat, sums: &[f64; MOMENTS]) -> SplatGradient {
     if sums.iter().all(|&s| s == 0.0) {
         return SplatGradient::default();
@@ -78,6 +79,7 @@ struct ImagePlane {
 impl ImagePlane {
     /// # Formula
     /// `sigma = (A u^2 + C dy^2) / 2`, `u = dx - s dy`, `A = yy / det`, `C = 1 / yy`, `s = xy / yy`.
+    #[inline(always)]
     fn of(p: &Projected, sums: &[f64; MOMENTS]) -> Self {
         let [_, xy, yy] = p.covariance;
         let (a, c, s) = (yy / p.determinant, 1.0 / yy, xy / yy);
@@ -93,6 +95,7 @@ impl ImagePlane {
 }
 
 /// Gradient by the mean in the camera frame: through the centre, the Jacobian and the depth.
+#[inline(always)]
 fn camera_mean_gradient(
     projector: &Projector,
     p: &Projected,
@@ -125,6 +128,7 @@ fn camera_mean_gradient(
 }
 
 /// Gradient by the unnormalised quaternion, from that by the columns of the rotation.
+#[inline(always)]
 fn quat_gradient(p: &Projected, v: &[DVec3; 3]) -> [f64; 4] {
     if p.quat_norm == 0.0 {
         return [0.0; 4];

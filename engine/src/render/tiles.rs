@@ -71,13 +71,21 @@ pub(super) fn bin(
 /// Footprints of the Gaussians that can reach a pixel, nearest first, ties by index; the first Gaussian has index `first`.
 #[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 Gaussians")]
 pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeView) -> Vec<Footprint> {
-    let projector = Projector::new(view);
-    let visible: Vec<Footprint> = splats
-        .par_iter()
-        .with_min_len(CHUNK)
+    let (projector, arch) = (Projector::new(view), pulp::Arch::new());
+    let chunks: Vec<Vec<Footprint>> = splats
+        .par_chunks(CHUNK)
         .enumerate()
-        .filter_map(|(i, splat)| projector.footprint(splat, (first + i) as u32))
+        .map(|(chunk, splats)| {
+            let mut visible = Vec::with_capacity(splats.len());
+            let start = first + chunk * CHUNK;
+            arch.dispatch(|| {
+                let seen = splats.iter().enumerate().map(|(i, splat)| projector.footprint(splat, (start + i) as u32));
+                seen.for_each(|footprint| visible.extend(footprint));
+            });
+            visible
+        })
         .collect();
+    let visible = chunks.concat();
     // Depths are positive: their bits order as they do. The index in the low half settles ties.
     let mut keys: Vec<u64> = visible
         .par_iter()
@@ -91,17 +99,19 @@ pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeVie
 
 /// Offsets per Gaussian and the tiles that each Gaussian touches.
 pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Vec<u32>, Vec<u32>) {
-    let grid = TileGrid::of(view);
+    let (grid, arch) = (TileGrid::of(view), pulp::Arch::new());
     let pieces: Vec<(Vec<u32>, Vec<u32>)> = footprints
         .par_chunks(CHUNK)
         .map(|chunk| {
             let mut counts = Vec::with_capacity(chunk.len());
             let mut tiles = Vec::with_capacity(chunk.len() * 4);
-            for footprint in chunk {
-                let before = tiles.len();
-                push_tiles(footprint, view, grid, &mut tiles);
-                counts.push(to_u32(tiles.len() - before));
-            }
+            arch.dispatch(|| {
+                for footprint in chunk {
+                    let before = tiles.len();
+                    push_tiles(footprint, view, grid, &mut tiles);
+                    counts.push(to_u32(tiles.len() - before));
+                }
+            });
             (counts, tiles)
         })
         .collect();
@@ -133,6 +143,7 @@ pub(super) fn parts<T>(all: &mut [T], lengths: impl Iterator<Item = usize>) -> V
 }
 
 /// Appends the tiles that the footprint's ellipse reaches, row of tiles by row of tiles.
+#[inline(always)]
 pub(super) fn push_tiles(f: &Footprint, view: &PinholeView, grid: TileGrid, tiles: &mut Vec<u32>) {
     visit_tiles(f, view, |row, columns| {
         let base = row * grid.columns;
@@ -184,6 +195,7 @@ impl Footprint {
     }
 
     /// The outermost x of the ellipse between the heights `top` and `bottom`, to the right (`side` 1) or left (-1).
+    #[inline(always)]
     fn edge(&self, widest: f32, top: f32, bottom: f32, side: f32) -> f32 {
         let dy = widest.max(top).min(bottom);
         let half = self.half_width(dy);
@@ -193,6 +205,7 @@ impl Footprint {
 }
 
 /// First and last index of the pixels whose centres lie in `low..=high`; `None` when there is none inside the image.
+#[inline(always)]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the image before the cast")]
 pub(super) fn pixel_span(low: f32, high: f32, size: usize) -> Option<(usize, usize)> {
     let first = (low - 0.5).ceil().max(0.0);
