@@ -182,15 +182,13 @@ impl PinholeView {
 
     fn after(&self, shutter: &Shutter, seconds: f64) -> Self {
         let (turn, shift) = shutter.carried(seconds);
-        let rows = self.camera_from_clip.map(|row| row.map(f64::from));
-        let column = |c: usize| turn * (DVec3::from(rows.map(|row| row[c])) + if c == 3 { shift } else { DVec3::ZERO });
-        let columns = [0, 1, 2, 3].map(column);
-        Self {
-            camera_from_clip: [0, 1, 2].map(|r| columns.map(|column| to_f32(column[r]))),
-            time: to_f32(f64::from(self.time) + seconds),
-            shutter: None,
-            ..*self
+        let mut camera_from_clip = self.camera_from_clip;
+        for c in 0..4 {
+            let column = DVec3::from([0, 1, 2].map(|r| f64::from(self.camera_from_clip[r][c])));
+            let turned = turn * if c == 3 { column + shift } else { column };
+            (0..3).for_each(|r| camera_from_clip[r][c] = to_f32(turned[r]));
         }
+        Self { camera_from_clip, time: to_f32(f64::from(self.time) + seconds), shutter: None, ..*self }
     }
 }
 
