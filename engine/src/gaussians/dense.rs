@@ -171,7 +171,7 @@ fn together(
     // From the first one's time, so that the mean of equal times is that time.
     let later: f32 = returns.iter().map(|seen| set.times[seen.index] - set.times[lead]).sum();
     let time = set.times[lead] + later / returns.len() as f32;
-    let elapsed = view.pinhole.exposing(middle).time - time;
+    let elapsed = view.pinhole.time_at(middle) - time;
     made[MEAN].iter_mut().zip(set.velocities[lead]).for_each(|(x, v)| *x -= v * elapsed);
     made[LOG_SCALE].iter_mut().for_each(|s| *s = s.clamp(MIN_SCALE.ln(), MAX_SCALE.ln()));
     Some((made, time))

@@ -63,14 +63,10 @@ impl PinholeView {
 
     /// As [`PinholeView::project`], of a point that is there at the view's time and moves with a velocity, metres a second.
     pub fn project_moving(&self, point: [f32; 3], velocity: [f32; 3]) -> Option<Projected> {
-        let Some(shutter) = &self.shutter else { return self.project_now(point) };
-        let taking = self.taking(shutter, point, velocity);
-        let seconds = taking.time - self.time;
-        taking.project_now([0, 1, 2].map(|k| point[k] + velocity[k] * seconds))
-    }
-
-    fn project_now(&self, point: [f32; 3]) -> Option<Projected> {
-        let [x, y, depth] = self.to_camera(point);
+        let [x, y, depth] = match &self.shutter {
+            Some(shutter) => self.when_exposed(shutter, point, velocity),
+            None => self.to_camera(point),
+        };
         if depth.is_nan() || depth <= NEAR {
             return None;
         }
@@ -82,8 +78,12 @@ impl PinholeView {
     /// The point of the clip frame at `depth` behind image position (`u`, `v`), metres, at the moment at which that is exposed.
     pub(crate) fn unproject(&self, at: Projected) -> [f32; 3] {
         let ray = [(at.u - self.cx) / self.fx, (at.v - self.cy) / self.fy, 1.0];
-        let m = &self.exposing([at.u, at.v]).camera_from_clip;
-        let in_camera: [f32; 3] = std::array::from_fn(|r| ray[r] * at.depth - m[r][3]);
+        let in_camera = match &self.shutter {
+            Some(shutter) => shutter.carried_back([at.u, at.v], ray.map(|x| x * at.depth)),
+            None => ray.map(|x| x * at.depth),
+        };
+        let m = &self.camera_from_clip;
+        let in_camera: [f32; 3] = std::array::from_fn(|r| in_camera[r] - m[r][3]);
         std::array::from_fn(|c| (0..3).map(|r| m[r][c] * in_camera[r]).sum())
     }
 

@@ -106,6 +106,12 @@ impl Shutter {
         (DMat3::from_quat(turned(-self.turn * seconds)), -self.drift * seconds)
     }
 
+    /// A point in the axes of the camera at the moment at which an image position (pixels) is exposed, in those at the view's time.
+    pub(super) fn carried_back(&self, position: [f32; 2], point: [f32; 3]) -> [f32; 3] {
+        let (turn, shift) = self.carried(self.moment(position));
+        (turn.transpose() * DVec3::from(point.map(f64::from)) - shift).to_array().map(to_f32)
+    }
+
     /// The shutter of a part of the image whose upper left corner is at a place of it, pixels.
     #[must_use]
     pub fn cropped(&self, corner: [f32; 2]) -> Self {
@@ -162,22 +168,42 @@ impl PinholeView {
         self.shutter.map_or(*self, |shutter| self.after(&shutter, shutter.moment(position)))
     }
 
+    /// The moment at which an image position (pixels) is exposed, seconds since time zero.
+    pub(crate) fn time_at(&self, position: [f32; 2]) -> f32 {
+        self.shutter.map_or(self.time, |shutter| to_f32(f64::from(self.time) + shutter.moment(position)))
+    }
+
     /// The moment at which a standing point of the clip frame is exposed, seconds since time zero; that of the view where it is outside.
     pub(crate) fn exposed_at(&self, point: [f32; 3]) -> f32 {
         if self.shutter.is_none() {
             return self.time;
         }
-        self.project(point).map_or(self.time, |at| self.exposing([at.u, at.v]).time)
+        self.project(point).map_or(self.time, |at| self.time_at([at.u, at.v]))
     }
 
     /// The camera at the moment at which a point of the clip frame (at the view's time; metres) that moves with `velocity` (metres a second) is
     /// exposed.
     pub(crate) fn taking(&self, shutter: &Shutter, point: [f32; 3], velocity: [f32; 3]) -> Self {
+        let (_, _, seconds) = self.taken(shutter, point, velocity);
+        self.after(shutter, seconds)
+    }
+
+    /// A point in the camera's axes at the view's time, its velocity there, and the seconds after it at which it is exposed.
+    #[inline(always)]
+    fn taken(&self, shutter: &Shutter, point: [f32; 3], velocity: [f32; 3]) -> (DVec3, DVec3, f64) {
         let in_camera = DVec3::from(self.to_camera(point).map(f64::from));
-        let v = velocity.map(f64::from);
-        let moves = self.camera_from_clip.map(|row| (0..3).map(|k| f64::from(row[k]) * v[k]).sum::<f64>());
-        let taken = shutter.taken(&self.lens(), in_camera, 1.0, DVec3::from(moves));
-        self.after(shutter, taken.seconds)
+        let [x, y, z] = velocity.map(f64::from);
+        let moves = self.camera_from_clip.map(|[a, b, c, _]| f64::from(a) * x + f64::from(b) * y + f64::from(c) * z);
+        let moves = DVec3::from(moves);
+        (in_camera, moves, shutter.taken(&self.lens(), in_camera, 1.0, moves).seconds)
+    }
+
+    /// Where a point of the clip frame (at the view's time; metres) that moves with `velocity` (metres a second) is in the camera's axes, both at
+    /// the moment at which it is exposed.
+    pub(super) fn when_exposed(&self, shutter: &Shutter, point: [f32; 3], velocity: [f32; 3]) -> [f32; 3] {
+        let (in_camera, moves, seconds) = self.taken(shutter, point, velocity);
+        let (turn, shift) = shutter.carried(seconds);
+        (turn * (in_camera + shift + moves * seconds)).to_array().map(to_f32)
     }
 
     fn after(&self, shutter: &Shutter, seconds: f64) -> Self {

@@ -39,7 +39,7 @@ impl Pixels {
             let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
             let place = at(*inverse);
-            let taken = view.pinhole.exposing([u, v]).time;
+            let taken = view.pinhole.time_at([u, v]);
             let velocity = thing.velocity_of(place, taken - thing.time);
             let there = |source: &View| {
                 let seconds = source.pinhole.time - taken;
