@@ -208,12 +208,11 @@ impl PinholeView {
 
     fn after(&self, shutter: &Shutter, seconds: f64) -> Self {
         let (turn, shift) = shutter.carried(seconds);
-        let mut camera_from_clip = self.camera_from_clip;
-        for c in 0..4 {
-            let column = DVec3::from([0, 1, 2].map(|r| f64::from(self.camera_from_clip[r][c])));
-            let turned = turn * if c == 3 { column + shift } else { column };
-            (0..3).for_each(|r| camera_from_clip[r][c] = to_f32(turned[r]));
-        }
+        let rows = self.camera_from_clip;
+        let column = |c: usize| DVec3::new(f64::from(rows[0][c]), f64::from(rows[1][c]), f64::from(rows[2][c]));
+        let (x, y, z, t) = (turn * column(0), turn * column(1), turn * column(2), turn * (column(3) + shift));
+        let row = |k: usize| [to_f32(x[k]), to_f32(y[k]), to_f32(z[k]), to_f32(t[k])];
+        let camera_from_clip = [row(0), row(1), row(2)];
         Self { camera_from_clip, time: to_f32(f64::from(self.time) + seconds), shutter: None, ..*self }
     }
 }
