@@ -2,7 +2,8 @@
 //!
 //! Passes, one file each: `project` (f64, one Gaussian), `tiles` (depth order, tile lists), `forward` (compositing), `backward`
 //! (sums over pixels), `project_backward` (chain rule of the projection). A tile is composited by one thread, a vector of pixels of one
-//! row at a time and only where the Gaussian can reach the minimum alpha. Every intersection of a Gaussian and a tile has a place of its
+//! row at a time: only where the Gaussian can reach the minimum alpha (`spans`) and a pixel has not ended (`open`), with all that is known
+//! of these pixels side by side (`pixels`). Every intersection of a Gaussian and a tile has a place of its
 //! own for its sums, so results are the same bits for any number of threads.
 //!
 //! `memory_estimate` tells how much the lists of a view will hold before they are made.
