@@ -121,8 +121,8 @@ impl<const M: usize> WithSimd for TileMoments<'_, M> {
         let origin = lists.grid.origin(number);
         let (broadcast, last) = (Broadcast::new(simd), last_position(simd, S::as_simd_f32s(stops).0));
         let (mut pixels, mut room) = (Pixels::<{ STATE_PLANES + 1 }>::new(), [Footprint::default(); BLOCK]);
-        let plane = |k: usize| &state[k * TILE_PIXELS..(k + 1) * TILE_PIXELS];
-        let pixels = pixels.filled::<S>([plane(0), plane(1), plane(2), plane(3), plane(4), plane(5), stops]);
+        let plane = |k: usize| if k < STATE_PLANES { &state[k * TILE_PIXELS..(k + 1) * TILE_PIXELS] } else { stops };
+        let pixels = pixels.filled::<S>(std::array::from_fn(plane));
         let maps = S::as_simd_f32s(maps).0;
         let mut tile = OpenTile { pixels, maps, origin, open: Open::all(), spans: Spans::new() };
         for (block, intersections) in lists.intersections_of(number).chunks(BLOCK).enumerate().rev() {
@@ -143,6 +143,7 @@ impl<const M: usize> WithSimd for TileMoments<'_, M> {
 
 /// A tile: what is known of its pixels so far, with the list position that ended each, and the maps.
 struct OpenTile<'a, V> {
+    /// The planes of the state, then the list position that ended each pixel.
     pixels: &'a mut [[V; STATE_PLANES + 1]],
     /// `[M, TILE_PIXELS]`.
     maps: &'a [V],

@@ -145,19 +145,22 @@ mod tests {
                 extent_x: 99.0,
                 ..Footprint::default()
             };
-            let (rows, inside, lanes) = Arch::new().dispatch(Reached(&f, origin));
-            for row in inside {
-                let (span, vectors) = rows[row];
-                let dy = (origin[1] + row) as f32 + 0.5 - f.mean_y;
-                let middle = f.mean_x - 64.0 + f.shear * dy;
-                assert!((span.dy - dy).abs() < 1e-5 && (span.peak_x - middle).abs() < 1e-4);
-                let half = f.half_width(dy);
-                for pixel in 0..TILE_WIDTH {
-                    let beyond = (pixel as f32 + 0.5 - middle).abs() - half;
-                    let taken = vectors >> (pixel / lanes) & 1 == 1;
-                    assert!(taken || beyond > 0.0, "Gaussian {i} row {row} pixel {pixel}");
-                    reached += usize::from(taken);
-                    missed += usize::from(taken && beyond > lanes as f32 + 1.0);
+            for (rows, inside, lanes) in
+                [Arch::new().dispatch(Reached(&f, origin)), Reached(&f, origin).with_simd(pulp::Scalar::new())]
+            {
+                for row in inside {
+                    let (span, vectors) = rows[row];
+                    let dy = (origin[1] + row) as f32 + 0.5 - f.mean_y;
+                    let middle = f.mean_x - 64.0 + f.shear * dy;
+                    assert!((span.dy - dy).abs() < 1e-5 && (span.peak_x - middle).abs() < 1e-4);
+                    let half = f.half_width(dy);
+                    for pixel in 0..TILE_WIDTH {
+                        let beyond = (pixel as f32 + 0.5 - middle).abs() - half;
+                        let taken = vectors >> (pixel / lanes) & 1 == 1;
+                        assert!(taken || beyond > 0.0, "Gaussian {i} row {row} pixel {pixel}");
+                        reached += usize::from(taken);
+                        missed += usize::from(taken && beyond > lanes as f32 + 1.0);
+                    }
                 }
             }
         }

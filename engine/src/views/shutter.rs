@@ -286,6 +286,8 @@ mod tests {
     fn no_readout_changes_no_bit() {
         let plain = PinholeView { shutter: None, ..view() };
         assert_eq!(plain.exposing([3.0, 4.0]), plain);
+        assert_eq!(plain.time_at([3.0, 4.0]), plain.time);
+        assert_eq!(view().time_at([3.0, 4.0]), view().exposing([3.0, 4.0]).time);
         assert_eq!(plain.project_moving([2.0, 1.0, 4.0], [9.0, 0.0, 1.0]), plain.project([2.0, 1.0, 4.0]));
     }
 }
