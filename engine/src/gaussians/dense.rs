@@ -80,6 +80,7 @@ fn finer<'a>(view: &View, views: &'a [View]) -> Vec<&'a View> {
 
 fn of_view(set: &GaussianSet, view: &View, finer: &[&View], coarseness: Coarseness, fate: &mut [Fate]) {
     let (width, height) = (view.pinhole.width, view.pinhole.height);
+    let coarseness = coarseness.of_image(width * height);
     let all = seen_in(set, view, finer, fate);
     let first = first_by_pixel(&all, view.pinhole.num_pixels());
     // A rectangle takes all returns of its pixels that are left, so that pixels are taken as a whole.

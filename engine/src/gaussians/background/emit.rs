@@ -53,7 +53,7 @@ pub(super) fn rows(
     let Wanted { trust, rows } = wanted;
     let is_open = |pixel: usize| sheet.trust[pixel] == trust && coverage.shows(pixel);
     let sources = if trust == Trust::Confirmed { sources } else { &[] };
-    let blocks = blocks(view, sheet, rows, is_open, coarseness);
+    let blocks = blocks(view, sheet, rows, is_open, coarseness.of_image(view.pinhole.num_pixels()));
     blocks.par_iter().with_min_len(GRAIN).map(|block| of_block(view, block, sources)).collect()
 }
 
