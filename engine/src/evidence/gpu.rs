@@ -4,6 +4,7 @@ use crate::gaussians::physical::Splat;
 use crate::loss::{Kept, LossWeights, gpu};
 use crate::objective::{BEHIND, gpu::expect};
 use crate::render::Effect;
+use crate::render::constants::HARDLY_SEEN;
 use crate::render::gpu::{Gpu, GpuError};
 use crate::views::View;
 
@@ -27,7 +28,7 @@ pub(super) fn effects(
     work.clear::<[f32; 4]>(&effects, splats.len());
     let mut kept = Kept::default();
     for view in views {
-        let drawn = work.draw_through(&scene, &view.pinhole, BEHIND)?;
+        let drawn = work.draw_through(&scene, &view.pinhole, BEHIND, HARDLY_SEEN)?;
         gpu::add_effects(&mut work, (view, &drawn), costs, &mut kept, &effects)?;
     }
     let share = 1.0 / views.len().max(1) as f64;

@@ -12,6 +12,7 @@ use crate::gaussians::GaussianSet;
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::loss::{LossWeights, pixel_costs};
 use crate::objective::BEHIND;
+use crate::render::constants::{HARDLY_SEEN, UNSEEN};
 use crate::render::{Device, Effect, PixelCosts, Projection, effects, halving, longest_axes};
 use crate::views::View;
 
@@ -41,6 +42,16 @@ pub struct Evidence {
     pub squared_error: f64,
 }
 
+/// What a change of a picture costs.
+#[derive(Clone, Copy, Debug)]
+struct Pricing<'a> {
+    weights: &'a LossWeights,
+    /// How much more squared errors count than absolute ones.
+    by_square: f32,
+    /// Transmittance down to which pixels are composited.
+    least: f32,
+}
+
 impl Evidence {
     /// That of a scene in its input views: removals by the mean loss over them, the rest as sums over their pixels.
     ///
@@ -50,7 +61,7 @@ impl Evidence {
         let splats = to_physical(set);
         let pinholes: Vec<_> = views.iter().map(|view| &view.pinhole).collect();
         let axes = longest_axes(&splats, &pinholes);
-        Self::seen(&splats, axes, views, (weights, 0.0))
+        Self::seen(&splats, axes, views, Pricing { weights, by_square: 0.0, least: UNSEEN })
     }
 
     /// `[N]` what pruning needs: [`Evidence::costs`] by the loss and the squared errors of colours, measured where views are drawn.
@@ -65,16 +76,18 @@ impl Evidence {
         }
         // Without GPUs there is one device.
         let _ = device;
-        Self::seen(&splats, Vec::new(), views, (weights, SQUARES)).costs()
+        let pricing = Pricing { weights, by_square: SQUARES, least: HARDLY_SEEN };
+        Self::seen(&splats, Vec::new(), views, pricing).costs()
     }
 
-    /// What the views show of the halves along the axes, or without axes, of no halves, where squared errors count so much more than absolute ones.
-    fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], (weights, by_square): (&LossWeights, f32)) -> Self {
+    /// What the views show of the halves along the axes, or without axes, of no halves.
+    fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], pricing: Pricing<'_>) -> Self {
+        let Pricing { weights, by_square, least } = pricing;
         let defaults = (0..splats.len()).into_par_iter().with_min_len(4096).map(|_| Effect::default());
         let mut all: Vec<Effect> = defaults.collect();
         let (mut loss, mut squares, mut pixels) = (0.0, 0.0, 0.0);
         for view in views {
-            let state = Projection::new(splats, &view.pinhole).render_through(&view.pinhole, BEHIND);
+            let state = Projection::new(splats, &view.pinhole).render_through(&view.pinhole, BEHIND, least);
             let costs = pixel_costs(&state.images, view, weights);
             let costs = PixelCosts { per_square: by_square * costs.per_colour, ..costs };
             let halving = (!axes.is_empty()).then(|| halving(splats, &axes, &view.pinhole, &state));
@@ -157,7 +170,8 @@ mod tests {
     fn removals_are_the_same_without_halves() {
         let (set, view, weights) = (scene(0.0), view(), LossWeights::default());
         let with = Evidence::of(&set, &[&view], &weights);
-        let without = Evidence::seen(&to_physical(&set), Vec::new(), &[&view], (&weights, 0.0));
+        let pricing = Pricing { weights: &weights, by_square: 0.0, least: UNSEEN };
+        let without = Evidence::seen(&to_physical(&set), Vec::new(), &[&view], pricing);
         assert_eq!((with.costs(), with.loss), (without.costs(), without.loss));
         assert!(without.effects.iter().all(|effect| effect.squares == [0.0; 3]) && without.axes.is_empty());
     }
@@ -170,14 +184,15 @@ mod tests {
             let set = scene(opacity);
             let splats = to_physical(&set);
             let base = Projection::new(&splats, &view.pinhole);
-            let state = base.clone().render_through(&view.pinhole, BEHIND);
+            let state = base.clone().render_through(&view.pinhole, BEHIND, UNSEEN);
             let costs = pixel_costs(&state.images, &view, &LossWeights::default());
             let costs = PixelCosts { per_square: squares * costs.per_colour, ..costs };
-            let found = Evidence::seen(&splats, Vec::new(), &[&view], (&LossWeights::default(), squares));
+            let pricing = Pricing { weights: &LossWeights::default(), by_square: squares, least: UNSEEN };
+            let found = Evidence::seen(&splats, Vec::new(), &[&view], pricing);
             let mut largest = 0.0_f64;
             for i in 0..set.len() {
                 let gone: Vec<bool> = (0..set.len()).map(|k| k == i).collect();
-                let without = base.without(&gone).render_through(&view.pinhole, BEHIND);
+                let without = base.without(&gone).render_through(&view.pinhole, BEHIND, UNSEEN);
                 let want = change(&costs, &state.images, &without.images);
                 let got = found.effects[i].removal;
                 assert!((got - want).abs() < 1e-6 + 1e-4 * want.abs(), "Gaussian {i}: {got} {want}");

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::constants::{TRANSMITTANCE_MIN, UNSEEN};
+use super::constants::TRANSMITTANCE_MIN;
 use super::project::Footprint;
 use super::tiles::{bin, tiles_of_each, visible_by_depth};
 use super::{RenderedWithState, forward};
@@ -80,10 +80,10 @@ impl Projection {
         self.composite(view, background, TRANSMITTANCE_MIN)
     }
 
-    /// As [`Projection::render`], but that compositing goes on behind what is opaque: until what is left is below the precision of the colours
-    /// whatever Gaussian is taken away in front.
-    pub fn render_through(self, view: &PinholeView, background: [f32; 3]) -> RenderedWithState {
-        self.composite(view, background, UNSEEN)
+    /// As [`Projection::render`], but that compositing goes on behind what is opaque: until so little is left that it does not matter what Gaussian
+    /// is taken away in front, such as [`UNSEEN`](super::constants::UNSEEN).
+    pub fn render_through(self, view: &PinholeView, background: [f32; 3], least: f32) -> RenderedWithState {
+        self.composite(view, background, least)
     }
 
     fn composite(self, view: &PinholeView, background: [f32; 3], opaque: f32) -> RenderedWithState {

@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 use lgs_engine::gaussians::physical::{Splat, to_physical};
 use lgs_engine::gaussians::split::Halving;
 use lgs_engine::loss::pixel_costs;
-use lgs_engine::render::{PixelCosts, Projection, Rendered, longest_axes};
+use lgs_engine::render::{PixelCosts, Projection, Rendered, constants::UNSEEN, longest_axes};
 use lgs_engine::views::{PinholeView, View};
 
 use crate::branches::{BEHIND, Problem, Round};
@@ -46,7 +46,7 @@ pub(super) fn deltas(problem: &Problem<'_>, round: &Round) -> ActionDeltas {
 }
 
 fn draw(splats: &[Splat], view: &PinholeView) -> Rendered {
-    Projection::new(splats, view).render_through(view, BEHIND).images
+    Projection::new(splats, view).render_through(view, BEHIND, UNSEEN).images
 }
 
 /// What the costs say of a picture in place of another, pixel by pixel.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::Rendered;
-use super::super::constants::{TILE_PIXELS, TRANSMITTANCE_MIN, UNSEEN};
+use super::super::constants::{TILE_PIXELS, TRANSMITTANCE_MIN};
 use super::error::GpuError;
 use super::kernels::Kernel;
 use super::project::SceneBuffers;
@@ -68,10 +68,10 @@ impl Work<'_> {
         view: &PinholeView,
         background: [f32; 3],
     ) -> Result<Drawn, GpuError> {
-        self.draw_until(TRANSMITTANCE_MIN, scene, view, background)
+        self.draw_through(scene, view, background, TRANSMITTANCE_MIN)
     }
 
-    /// As [`Work::draw`], compositing also what is behind opaque Gaussians.
+    /// As [`Work::draw`], compositing also what is behind opaque Gaussians, until so little is left.
     ///
     /// # Errors
     /// As [`Work::draw`].
@@ -80,17 +80,7 @@ impl Work<'_> {
         scene: &SceneBuffers,
         view: &PinholeView,
         background: [f32; 3],
-    ) -> Result<Drawn, GpuError> {
-        self.draw_until(UNSEEN, scene, view, background)
-    }
-
-    /// Draws a view whose pixels end at a transmittance.
-    fn draw_until(
-        &mut self,
         least: f32,
-        scene: &SceneBuffers,
-        view: &PinholeView,
-        background: [f32; 3],
     ) -> Result<Drawn, GpuError> {
         let projection = self.project(scene, view)?;
         let lists = self.bin(scene, &projection)?;
