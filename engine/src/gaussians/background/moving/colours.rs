@@ -12,19 +12,48 @@ use crate::{
 
 /// Difference of colours (mean over the channels) from which on they have nothing to do with each other.
 const DIFFERENT: f32 = 0.2;
-/// Side of the window in which pixels decide together, shares of the height of a thing, and at most, pixels.
+/// Pixels of an image up to which each decides; of larger ones, squares of pixels do.
+const FINE: f32 = 524_288.0;
+/// Reach of the window in which pixels, or squares of them, decide together: a share of the height of a thing, and at most so many.
 const WINDOW: (f32, usize) = (0.06, 4);
 /// Difference of colours at which pixels of a window no longer decide together.
 const SAME_SURFACE: f32 = 0.06;
+/// Squares that a thread takes at once.
+const GRAIN: usize = 128;
 
-/// How much better each pixel is explained by the thing than by what stands, by colours.
-pub(super) struct Pixels {
-    /// Of the outline; 0 where no other image tells.
-    advantage: Vec<f32>,
+/// How much better the pixels of an outline are explained by the thing than by what stands, by colours.
+pub(super) struct Advantage {
+    /// Of squares of pixels, row by row; 0 where no other image tells.
+    of_squares: Vec<f32>,
+    squares: Squares,
 }
 
-impl Pixels {
-    /// Those of an outline; `inverse` inverse depths of the thing in it, 1 / metres.
+/// The squares of pixels of an outline, each of which is decided by the pixel in its corner.
+#[derive(Clone, Copy, Debug)]
+struct Squares {
+    /// Side, pixels.
+    side: usize,
+    columns: usize,
+    rows: usize,
+    /// Column and row of the outline's corner.
+    corner: [usize; 2],
+}
+
+impl Squares {
+    fn of(view: &View, outline: &Outline) -> Self {
+        let side = whole((view.pinhole.num_pixels() as f32 / FINE).sqrt().round()).max(1);
+        let [columns, rows] = outline.size().map(|size| size.div_ceil(side));
+        Self { side, columns, rows, corner: [outline.columns.start, outline.rows.start] }
+    }
+
+    /// The pixel that decides for a square, in an image of a width.
+    fn pixel(&self, column: usize, row: usize, width: usize) -> usize {
+        (self.corner[1] + row * self.side) * width + self.corner[0] + column * self.side
+    }
+}
+
+impl Advantage {
+    /// That of an outline; `inverse` inverse depths of the thing in it, 1 / metres.
     pub(super) fn of(
         view: &View,
         sheet: &Sheet,
@@ -33,12 +62,12 @@ impl Pixels {
         inverse: &[f32],
         sources: &[&View],
     ) -> Self {
-        let width = view.pinhole.width;
-        let advantage = |(pixel, inverse): (usize, &f32)| {
+        let (width, squares) = (view.pinhole.width, Squares::of(view, outline));
+        let advantage = |pixel: usize| {
             let [u, v] = [(pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5];
-            let colour: [f32; 3] = std::array::from_fn(|k| view.image.data[3 * pixel + k]);
+            let colour = colour(view, pixel);
             let at = |inverse: f32| view.pinhole.unproject(Projected { u, v, depth: 1.0 / inverse });
-            let place = at(*inverse);
+            let place = at(inverse[outline.index(pixel / width, pixel % width)]);
             let taken = view.pinhole.time_at([u, v]);
             let velocity = thing.velocity_of(place, taken - thing.time);
             let there = |source: &View| {
@@ -54,29 +83,41 @@ impl Pixels {
             let stands = differ(&|source| source.pinhole.project((still > 0.0).then(|| at(still))?))?;
             Some(stands - moves)
         };
-        let each = outline.pixels(width).zip(inverse).map(|pixel| advantage(pixel).unwrap_or(0.0));
-        Self { advantage: each.collect() }
+        let all = || (0..squares.columns * squares.rows).into_par_iter().with_min_len(GRAIN);
+        let place = |k: usize| [k % squares.columns, k / squares.columns];
+        let alone = |k: usize| advantage(squares.pixel(place(k)[0], place(k)[1], width)).unwrap_or(0.0);
+        let alone: Vec<f32> = all().map(alone).collect();
+        let reach = whole(WINDOW.0 * outline.height / squares.side as f32).clamp(1, WINDOW.1);
+        let together = |k: usize| squares.together(view, &alone, place(k), reach);
+        Self { of_squares: all().map(together).collect(), squares }
     }
 
+    /// That of a pixel, in a row and column of the image.
+    pub(super) fn at(&self, row: usize, column: usize) -> f32 {
+        let Squares { side, columns, corner: [left, top], .. } = self.squares;
+        self.of_squares[(row - top) / side * columns + (column - left) / side]
+    }
+}
+
+impl Squares {
     /// The mean over a window of what has the colour of its middle.
-    pub(super) fn advantage(&self, view: &View, outline: &Outline, pixel: usize) -> f32 {
-        let width = view.pinhole.width;
-        let (column, row) = (pixel % width, pixel / width);
-        let reach = whole(WINDOW.0 * outline.height).clamp(1, WINDOW.1);
-        let colour = |pixel: usize| -> [f32; 3] { std::array::from_fn(|k| view.image.data[3 * pixel + k]) };
-        let own = colour(pixel);
+    fn together(&self, view: &View, advantages: &[f32], [column, row]: [usize; 2], reach: usize) -> f32 {
+        let of = |column: usize, row: usize| colour(view, self.pixel(column, row, view.pinhole.width));
+        let own = of(column, row);
         let (mut sum, mut total) = (0.0, 0.0);
-        for r in row.saturating_sub(reach).max(outline.rows.start)..(row + reach + 1).min(outline.rows.end) {
-            for c in
-                column.saturating_sub(reach).max(outline.columns.start)..(column + reach + 1).min(outline.columns.end)
-            {
-                let weight = (-difference(own, colour(r * width + c)) / SAME_SURFACE).exp();
-                sum += weight * self.advantage[outline.index(r, c)];
+        for r in row.saturating_sub(reach)..(row + reach + 1).min(self.rows) {
+            for c in column.saturating_sub(reach)..(column + reach + 1).min(self.columns) {
+                let weight = (-difference(own, of(c, r)) / SAME_SURFACE).exp();
+                sum += weight * advantages[r * self.columns + c];
                 total += weight;
             }
         }
         sum / total
     }
+}
+
+fn colour(view: &View, pixel: usize) -> [f32; 3] {
+    std::array::from_fn(|k| view.image.data[3 * pixel + k])
 }
 
 fn difference(a: [f32; 3], b: [f32; 3]) -> f32 {

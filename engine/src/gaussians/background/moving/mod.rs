@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use self::{colours::Pixels, nearest::Nearest, outline::Outline};
+use self::{colours::Advantage, nearest::Nearest, outline::Outline};
 use super::{Sheet, depth::Trust, gaps::continued, is_ignored};
 use crate::{
     gaussians::{
@@ -100,13 +100,13 @@ pub(super) fn shown(
         }
         let outline = Outline::of(view, own);
         let inverse_depths = continued(outline.size(), &outline.inside(width, own), 0.0);
-        let pixels = Pixels::of(view, sheet, thing, &outline, &inverse_depths, sources);
+        let advantage = Advantage::of(view, sheet, thing, &outline, &inverse_depths, sources);
         let others = samples.iter().enumerate().filter(|&(other, _)| other != k).flat_map(|(_, samples)| samples);
         let near = Nearest::of(&outline, width, own, others.chain(still));
         let shows = |&(pixel, _): &(usize, f32)| {
             !is_ignored(view, pixel)
                 && sheet.trust[pixel] != Trust::OwnVehicle
-                && pixels.advantage(view, &outline, pixel) + near.prior(&outline, pixel, width) > 0.0
+                && advantage.at(pixel / width, pixel % width) + near.prior(&outline, pixel, width) > 0.0
         };
         let pixels = outline.pixels(width).zip(&inverse_depths).map(|(pixel, &inverse)| (pixel, inverse));
         let (pixels, around): (Vec<_>, Vec<_>) = pixels.partition(shows);
