@@ -63,7 +63,7 @@ impl<'a> Backdrop<'a> {
             for (thing, shown) in things.into_iter().zip(shown) {
                 let Some(shown) = shown else { continue };
                 for &(pixel, inverse) in &shown.pixels {
-                    self.sheets[k].trust[pixel] = Trust::Moving;
+                    self.sheets[k].trust[pixel] = Trust::Unknown;
                     (own.inverse_depths[pixel], own.trust[pixel]) = (inverse, Trust::Alone);
                 }
                 let wanted = Wanted { trust: Trust::Alone, rows: shown.rows };
@@ -111,18 +111,17 @@ impl<'a> Backdrop<'a> {
     }
 
     /// Appends the coarse layer behind everything. What may show something that moves, and that no other image confirms, says nothing of what
-    /// stands behind it: it would leave a ghost of that there. What stands beside it goes on there.
+    /// stands behind it: it would leave a ghost of that there.
     pub(super) fn add_backstop(&mut self, set: &mut GaussianSet, coarseness: Coarseness) {
         for (sheet, pixels) in self.sheets.iter_mut().zip(&self.doubtful) {
             for &pixel in pixels {
                 if sheet.trust[pixel] != Trust::Confirmed {
-                    sheet.trust[pixel] = Trust::Moving;
+                    sheet.trust[pixel] = Trust::Unknown;
                 }
             }
         }
-        let all: Vec<(&View, &Sheet)> = self.views.iter().copied().zip(&self.sheets).collect();
-        let behind = |(view, sheet): &(&View, &Sheet)| backstop::rows(view, sheet, &all, coarseness);
-        let behind: Vec<_> = all.par_iter().map(behind).collect();
+        let behind = |(view, sheet): (&&View, &Sheet)| backstop::rows(view, sheet, coarseness);
+        let behind: Vec<_> = self.views.par_iter().zip(&self.sheets).map(behind).collect();
         self.views.iter().zip(behind).for_each(|(view, rows)| append(set, view, rows));
     }
 

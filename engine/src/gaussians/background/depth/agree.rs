@@ -27,8 +27,6 @@ pub(in super::super) enum Trust {
     Contradicted,
     /// No point of the scene: the own vehicle, at about this depth.
     OwnVehicle,
-    /// No point of what stands: something that moves is in front of it, or may be.
-    Moving,
     /// The depth is not known.
     Unknown,
 }
@@ -79,7 +77,7 @@ fn better(a: Trust, b: Trust) -> Trust {
 pub(super) fn repaired(view: &Reduced, inverse: &[f32], trust: &[Trust]) -> Vec<f32> {
     let of_pixel = |pixel: usize| match trust[pixel] {
         Trust::Alone | Trust::Contradicted => nearest_confirmed(view, pixel, inverse, trust).unwrap_or(inverse[pixel]),
-        Trust::Confirmed | Trust::OwnVehicle | Trust::Moving | Trust::Unknown => inverse[pixel],
+        Trust::Confirmed | Trust::OwnVehicle | Trust::Unknown => inverse[pixel],
     };
     (0..inverse.len()).into_par_iter().with_min_len(GRAIN).map(of_pixel).collect()
 }

@@ -1,7 +1,5 @@
 //! A coarse layer behind everything, for the cracks that open when a view is rendered from beside its inputs.
 
-mod beside;
-
 use rayon::prelude::*;
 
 use super::{Sheet, depth::Trust, is_ignored};
@@ -30,7 +28,7 @@ const OPACITY: f32 = 0.95;
 const GRAIN: usize = 64;
 
 /// What is behind a block.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 struct Behind {
     /// Inverse depth of the farthest pixel in and around it, 1 / metres.
     farthest: f32,
@@ -39,7 +37,6 @@ struct Behind {
 }
 
 /// Blocks of one size over an image; `None` for those that are no more, or that show nothing of the scene.
-#[derive(Clone, Debug, PartialEq)]
 struct Grid {
     side: usize,
     columns: usize,
@@ -47,18 +44,9 @@ struct Grid {
 }
 
 /// The raw attributes of one Gaussian per block of `view`: behind the farthest point of the block and those around it, in
-/// the colour of what is that far away. Four blocks behind which there is the same become one. What stands beside something that moves goes on
-/// behind it where none of the `others`, views with their sheets, shows what is there.
-pub(super) fn rows(
-    view: &View,
-    sheet: &Sheet,
-    others: &[(&View, &Sheet)],
-    coarseness: Coarseness,
-) -> Vec<[f32; NUM_ATTRIBUTES]> {
-    let coarseness = coarseness.of_image(view.pinhole.num_pixels());
-    let mut finest = Grid::finest(view, sheet);
-    beside::go_on_behind_what_moves(&mut finest, view, sheet, others);
-    let mut grids = vec![finest];
+/// the colour of what is that far away. Four blocks behind which there is the same become one.
+pub(super) fn rows(view: &View, sheet: &Sheet, coarseness: Coarseness) -> Vec<[f32; NUM_ATTRIBUTES]> {
+    let mut grids = vec![Grid::finest(view, sheet)];
     let doublings = if coarseness == Coarseness::FINEST { 0 } else { DOUBLINGS };
     for _ in 0..doublings {
         let next = grids.last_mut().map(|grid| grid.doubled(coarseness.factor()));
@@ -127,7 +115,11 @@ fn of_block(view: &View, sheet: &Sheet, row_of_block: usize, column_of_block: us
     let around = |at: usize, size: usize| at.saturating_sub(BLOCK)..(at + 2 * BLOCK).min(size);
     let columns = around(column_of_block, pinhole.width);
     let pixels = around(row_of_block, pinhole.height).flat_map(|r| columns.clone().map(move |c| r * pinhole.width + c));
-    let pixels: Vec<usize> = pixels.filter(|&i| says_what_is_behind(view, sheet, i)).collect();
+    let of_scene = |&i: &usize| {
+        let known = !matches!(sheet.trust[i], Trust::OwnVehicle | Trust::Unknown);
+        known && sheet.inverse_depths[i] > 0.0 && !is_ignored(view, i)
+    };
+    let pixels: Vec<usize> = pixels.filter(of_scene).collect();
     let farthest = pixels.iter().map(|&i| sheet.inverse_depths[i]).reduce(f32::min)?;
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     for &i in pixels.iter().filter(|&&i| sheet.inverse_depths[i] <= ALIKE * farthest) {
@@ -135,12 +127,6 @@ fn of_block(view: &View, sheet: &Sheet, row_of_block: usize, column_of_block: us
         count += 1.0;
     }
     Some(Behind { farthest, colour: sum.map(|s: f32| s / count) })
-}
-
-/// Whether a pixel shows a point of what stands.
-fn says_what_is_behind(view: &View, sheet: &Sheet, pixel: usize) -> bool {
-    let known = !matches!(sheet.trust[pixel], Trust::OwnVehicle | Trust::Moving | Trust::Unknown);
-    known && sheet.inverse_depths[pixel] > 0.0 && !is_ignored(view, pixel)
 }
 
 #[cfg(test)]
@@ -162,14 +148,14 @@ mod tests {
         };
         let count = |edge, factor| {
             let (view, sheet) = wall(edge);
-            rows(&view, &sheet, &[], Coarseness::new(factor).unwrap()).len()
+            rows(&view, &sheet, Coarseness::new(factor).unwrap()).len()
         };
         // 40 x 24 blocks; of the twice as wide ones, and of those twice as wide again, all but the outermost.
         assert_eq!((count(0, 0.0), count(0, 1.0)), (960, (960 - 4 * 180) + (180 - 4 * 32) + 32));
         let with_edge = count(126, 1.0);
         assert!(with_edge > 324 && with_edge < 600, "{with_edge}");
         let (view, sheet) = wall(0);
-        let all = rows(&view, &sheet, &[], Coarseness::default());
+        let all = rows(&view, &sheet, Coarseness::default());
         let wide = |side: f32| all.iter().filter(|row| (row[LOG_SCALE.start].exp() - 0.3 * side).abs() < 0.01).count();
         assert_eq!([wide(6.0), wide(12.0), wide(24.0)], [240, 52, 32]);
         assert!(all.iter().all(|row| (row[MEAN.start + 2] - 25.0).abs() < 1e-3));
