@@ -128,9 +128,7 @@ impl Observer for Losses {
 fn the_loss_falls() -> Outcome {
     let place = tempfile::tempdir()?;
     let clips = clips(place.path())?;
-    let mut settings = settings(30);
-    settings.schedule.peak = 5e-3;
-    let mut state = State::new(&config(), settings).map_err(failed)?;
+    let mut state = State::new(&config(), settings(30)).map_err(failed)?;
     let losses = Losses::default();
     train(&mut state, &job(&clips, &place.path().join("out"))?, &losses).map_err(failed)?;
     let gains: Vec<f64> = losses.0.borrow().iter().map(|[first, last]| 1.0 - last / first).collect();

@@ -46,6 +46,7 @@ struct Grid {
 /// The raw attributes of one Gaussian per block of `view`: behind the farthest point of the block and those around it, in
 /// the colour of what is that far away. Four blocks behind which there is the same become one.
 pub(super) fn rows(view: &View, sheet: &Sheet, coarseness: Coarseness) -> Vec<[f32; NUM_ATTRIBUTES]> {
+    let coarseness = coarseness.of_image(view.pinhole.num_pixels());
     let mut grids = vec![Grid::finest(view, sheet)];
     let doublings = if coarseness == Coarseness::FINEST { 0 } else { DOUBLINGS };
     for _ in 0..doublings {
