@@ -11,7 +11,7 @@ const MOST: f64 = 8.0;
 /// Pixels of an image up to which the tolerances hold as they are. Held-out PSNR of images of 2 million pixels at the factor that this gives and
 /// at 1: 25.88 and 25.89 dB, 26.77 and 26.76, 33.01 and 33.01, 22.06 and 21.98, 19.66 and 19.43, with a third of the Gaussians less; images of
 /// half a million lose 0.1 dB at twice the factor.
-const USUAL_PIXELS: f64 = 524_288.0;
+pub(super) const USUAL_PIXELS: f64 = 524_288.0;
 
 /// How different, times the usual, the pixels or returns may be that one Gaussian stands for, and above 1 how many they may be, too: 0 to
 /// 8, in thousandths. At 0 every return and every uncovered pixel has a Gaussian of its own.

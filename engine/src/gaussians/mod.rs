@@ -10,6 +10,7 @@ pub mod physical;
 pub mod split;
 
 pub use coarseness::Coarseness;
+use coarseness::USUAL_PIXELS;
 pub(crate) use dense::merge_dense;
 pub use initial::initial;
 

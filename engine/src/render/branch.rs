@@ -80,8 +80,8 @@ impl Projection {
         self.composite(view, background, TRANSMITTANCE_MIN)
     }
 
-    /// As [`Projection::render`], but that compositing goes on behind what is opaque: until so little is left that it does not matter what Gaussian
-    /// is taken away in front, such as [`UNSEEN`](super::constants::UNSEEN).
+    /// As [`Projection::render`], but that compositing goes on behind what is opaque: until a transmittance of `least`, at which it does not matter what
+    /// Gaussian is taken away in front, such as [`UNSEEN`](super::constants::UNSEEN).
     pub fn render_through(self, view: &PinholeView, background: [f32; 3], least: f32) -> RenderedWithState {
         self.composite(view, background, least)
     }

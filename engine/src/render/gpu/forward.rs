@@ -71,7 +71,7 @@ impl Work<'_> {
         self.draw_through(scene, view, background, TRANSMITTANCE_MIN)
     }
 
-    /// As [`Work::draw`], compositing also what is behind opaque Gaussians, until so little is left.
+    /// As [`Work::draw`], compositing also what is behind opaque Gaussians, until a transmittance of `least`.
     ///
     /// # Errors
     /// As [`Work::draw`].

@@ -1,19 +1,17 @@
 //! Whether the colours of pixels go with a moving thing or with what stands.
 
-use lgs_formats::casts::whole;
+use lgs_formats::casts::{to_f32, whole};
 use rayon::prelude::*;
 
 use super::{Thing, outline::Outline};
 use crate::{
-    gaussians::background::Sheet,
+    gaussians::{USUAL_PIXELS, background::Sheet},
     points::{moved, sample},
     views::{Projected, View},
 };
 
 /// Difference of colours (mean over the channels) from which on they have nothing to do with each other.
 const DIFFERENT: f32 = 0.2;
-/// Pixels of an image up to which each decides; of larger ones, squares of pixels do.
-const FINE: f32 = 524_288.0;
 /// Reach of the window in which pixels, or squares of them, decide together: a share of the height of a thing, and at most so many.
 const WINDOW: (f32, usize) = (0.06, 4);
 /// Difference of colours at which pixels of a window no longer decide together.
@@ -40,8 +38,9 @@ struct Squares {
 }
 
 impl Squares {
+    /// Those of an outline: single pixels up to the usual size of an image.
     fn of(view: &View, outline: &Outline) -> Self {
-        let side = whole((view.pinhole.num_pixels() as f32 / FINE).sqrt().round()).max(1);
+        let side = whole(to_f32((view.pinhole.num_pixels() as f64 / USUAL_PIXELS).sqrt().round())).max(1);
         let [columns, rows] = outline.size().map(|size| size.div_ceil(side));
         Self { side, columns, rows, corner: [outline.columns.start, outline.rows.start] }
     }
@@ -122,4 +121,31 @@ fn colour(view: &View, pixel: usize) -> [f32; 3] {
 
 fn difference(a: [f32; 3], b: [f32; 3]) -> f32 {
     ((0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>() / 3.0).min(DIFFERENT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Advantage, Outline, Squares};
+    use crate::views::samples::{ahead, seen};
+
+    #[test]
+    fn every_pixel_of_a_large_image_is_decided_by_one_that_is_near_and_inside() {
+        for (width, height, side) in [(960, 540, 1), (1920, 1080, 2), (2880, 1640, 3)] {
+            let view = seen(ahead(width, height, 900.0), vec![0.5; 3 * width * height]);
+            let outline = Outline { columns: 101..138, rows: 50..77, height: 20.0 };
+            let squares = Squares::of(&view, &outline);
+            assert_eq!(squares.side, side);
+            let count = squares.columns * squares.rows;
+            let advantage = Advantage { of_squares: (0..count).map(|k| k as f32).collect(), squares };
+            for (row, column) in (50..77).flat_map(|row| (101..138).map(move |column| (row, column))) {
+                let square = (0..count).find(|&k| k as f32 == advantage.at(row, column)).unwrap();
+                let pixel = squares.pixel(square % squares.columns, square / squares.columns, width);
+                let (decides, beside) = ([pixel / width, pixel % width], [row, column]);
+                assert!(
+                    (0..2).all(|k| decides[k] <= beside[k] && beside[k] < decides[k] + side),
+                    "{decides:?} {beside:?}"
+                );
+            }
+        }
+    }
 }
