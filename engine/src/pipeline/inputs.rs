@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use lgs_formats::clip_dir::ClipDir;
+use lgs_formats::{casts::to_f32, clip_dir::ClipDir};
 
 use crate::{
     error::{EngineError, Result},
     gaussians::motion::{self, Motion, Movement, MovingBox},
     photometry::{self, CommonColours, Photometry},
-    points::{self, PointCloud, Turn},
+    points::{self, PointCloud, Stamp, Timing, Turn},
     views::{ClipFrame, Role, SelectedFrames, View},
 };
 
@@ -102,20 +102,31 @@ impl Inputs {
         points::tell_apart(cloud, self.dir.clip(), &self.frame)
     }
 
-    /// What moves among the returns of the cloud, and how the `LiDAR` turned while the vehicle stood where the outlines of what moves tell:
-    /// the returns of the cloud then have the times of such a turn, and what moves is found with these.
+    /// What moves among the returns of the cloud, and when these were measured where the clip does not say and the outlines of what moves tell:
+    /// the returns of the cloud then have such times, and what moves is found with these.
     ///
     /// # Errors
     /// Those of [`Self::movement`].
-    pub(super) fn movement_and_turn(&self, cloud: &mut PointCloud) -> Result<(Movement, Option<Turn>)> {
-        let movement = self.movement(cloud)?;
-        let Some(turns) = points::standing(cloud, self.dir.clip(), &self.frame) else { return Ok((movement, None)) };
+    pub(super) fn movement_and_times(&self, cloud: &mut PointCloud) -> Result<(Movement, Timing)> {
+        let (mut movement, mut told) = (self.movement(cloud)?, Timing::default());
+        if let Some(sweep_s) = points::sweep_seconds(cloud, self.dir.clip()) {
+            let stamps = [Stamp::Beginning, Stamp::End];
+            let delays = stamps.map(|stamp| to_f32(stamp.delay(sweep_s)));
+            if let Some(delay) = motion::best_delay(cloud, &movement, &self.views, &delays) {
+                told.stamp = stamps.into_iter().zip(delays).find(|&(_, own)| own == delay).map(|(stamp, _)| stamp);
+                cloud.times.iter_mut().for_each(|time| *time += delay);
+                movement = self.movement(cloud)?;
+            }
+        }
+        let Some(turns) = points::standing(cloud, self.dir.clip(), &self.frame) else { return Ok((movement, told)) };
         let times = turns.each_ref().map(|(_, times)| times.as_slice());
-        let Some(best) = motion::best_times(cloud, &movement, &self.views, &times) else { return Ok((movement, None)) };
-        let [first, second] = turns;
-        let (turn, times) = if best == 0 { first } else { second };
-        cloud.times = times;
-        Ok((self.movement(cloud)?, Some(turn)))
+        if let Some(best) = motion::best_times(cloud, &movement, &self.views, &times) {
+            let [first, second] = turns;
+            let (turn, times) = if best == 0 { first } else { second };
+            (told.turn, cloud.times) = (Some(turn), times);
+            movement = self.movement(cloud)?;
+        }
+        Ok((movement, told))
     }
 
     /// The tracked boxes of the input frames.

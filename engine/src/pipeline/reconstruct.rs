@@ -16,7 +16,7 @@ use crate::{
         background::{self, MapFit, Mode},
         motion,
     },
-    points::{self, Dropped, PointCloud, Turn},
+    points::{self, Dropped, PointCloud, Timing},
     refine::{KnownObjective, adam::AdamSummary},
     views::View,
 };
@@ -58,8 +58,8 @@ pub struct Reconstruction {
     pub measured: Option<KnownObjective>,
     /// How the clip's depth maps were brought to metres; empty where none was used for the background.
     pub depth_maps: Vec<MapFit>,
-    /// How the `LiDAR` turned while it measured, where the sweeps told and not the clip.
-    pub turn: Option<Turn>,
+    /// When returns were measured, where the sweeps or the images told and not the clip.
+    pub timing: Timing,
     /// Returns that are no surface and were left out.
     pub dropped: Dropped,
     /// Seconds that it took, from the loaded inputs on.
@@ -71,7 +71,7 @@ pub struct Reconstruction {
 pub struct Begun<'a> {
     inputs: &'a Inputs,
     cloud: PointCloud,
-    turn: Option<Turn>,
+    timing: Timing,
     dropped: Dropped,
     movement: motion::Movement,
     scene: GaussianSet,
@@ -84,27 +84,29 @@ pub struct Begun<'a> {
 /// Whatever is wrong with the sweep of an input frame.
 pub fn begin<'a>(inputs: &'a Inputs, watch: &mut Watch<'_>) -> Result<Begun<'a>> {
     let start = Instant::now();
-    let (cloud, turn, dropped, movement, scene) = watch.stage(Stage::Points, PointStep::ALL.len() - 1, |progress| {
-        let mut cloud = inputs.cloud()?;
-        let turn = inputs.tell_apart(&mut cloud)?;
-        let dropped = points::drop_strays(&mut cloud)?;
-        progress.point_step(PointStep::Cloud);
-        let (movement, told) = inputs.movement_and_turn(&mut cloud)?;
-        let turn = turn.or(told);
-        progress.point_step(PointStep::Motion);
-        let colours = points::paint(&cloud, &movement.velocities, inputs.views());
-        progress.point_step(PointStep::Colours);
-        let painted: Vec<u32> = (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
-        let spacing = points::spacing(&cloud.positions, &painted)?;
-        let spacing = points::bounded(&spacing, &cloud.ranges(&painted));
-        let mut scene = gaussians::initial(&cloud, &colours, &spacing);
-        for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
-            *own = movement.velocities[point as usize];
-        }
-        progress.point_step(PointStep::Spacing);
-        Result::Ok((cloud, turn, dropped, movement, scene))
-    })?;
-    Ok(Begun { inputs, cloud, turn, dropped, movement, scene, start })
+    let (cloud, timing, dropped, movement, scene) =
+        watch.stage(Stage::Points, PointStep::ALL.len() - 1, |progress| {
+            let mut cloud = inputs.cloud()?;
+            let turn = inputs.tell_apart(&mut cloud)?;
+            let dropped = points::drop_strays(&mut cloud)?;
+            progress.point_step(PointStep::Cloud);
+            let (movement, timing) = inputs.movement_and_times(&mut cloud)?;
+            let timing = Timing { turn: turn.or(timing.turn), ..timing };
+            progress.point_step(PointStep::Motion);
+            let colours = points::paint(&cloud, &movement.velocities, inputs.views());
+            progress.point_step(PointStep::Colours);
+            let painted: Vec<u32> =
+                (0..).zip(&colours).filter(|(_, colour)| colour.is_some()).map(|(i, _)| i).collect();
+            let spacing = points::spacing(&cloud.positions, &painted)?;
+            let spacing = points::bounded(&spacing, &cloud.ranges(&painted));
+            let mut scene = gaussians::initial(&cloud, &colours, &spacing);
+            for (own, &point) in scene.velocities.iter_mut().zip(&painted) {
+                *own = movement.velocities[point as usize];
+            }
+            progress.point_step(PointStep::Spacing);
+            Result::Ok((cloud, timing, dropped, movement, scene))
+        })?;
+    Ok(Begun { inputs, cloud, timing, dropped, movement, scene, start })
 }
 
 impl<'a> Begun<'a> {
@@ -129,7 +131,7 @@ impl<'a> Begun<'a> {
         network: Option<&NetworkSettings<'_>>,
         watch: &mut Watch<'_>,
     ) -> Result<Reconstruction> {
-        let Self { inputs, cloud, turn, dropped, movement, mut scene, start } = self;
+        let Self { inputs, cloud, timing, dropped, movement, mut scene, start } = self;
         let (settings, returns) = (settings.into(), scene.len());
         if settings.background == Mode::Maps && inputs.views().iter().all(|view| view.depth_map.is_none()) {
             return Err(EngineError::Setting {
@@ -179,7 +181,7 @@ impl<'a> Begun<'a> {
             density,
             measured,
             depth_maps,
-            turn,
+            timing,
             dropped,
             seconds,
         })
@@ -197,7 +199,7 @@ impl Reconstruction {
             density: None,
             measured: None,
             depth_maps: Vec::new(),
-            turn: None,
+            timing: Timing::default(),
             dropped: Dropped::default(),
             seconds: 0.0,
         }

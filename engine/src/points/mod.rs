@@ -4,6 +4,7 @@ mod aggregate;
 mod occlusion;
 mod paint;
 mod spacing;
+mod stamp;
 mod stray;
 mod turn;
 
@@ -12,6 +13,8 @@ pub(crate) use occlusion::DepthGrid;
 pub use paint::paint;
 pub(crate) use paint::{moved, sample, samples_at, samples_of};
 pub use spacing::{bounded, spacing};
+pub(crate) use stamp::sweep_seconds;
+pub use stamp::{Stamp, Timing};
 pub use stray::Dropped;
 pub(crate) use stray::drop_strays;
 pub use turn::Turn;

@@ -5,19 +5,13 @@
 
 use glam::{DMat3, DVec3};
 use lgs_formats::casts::to_f32;
-use lgs_formats::{
-    clip::{Clip, ReturnsRecord},
-    lidar_motion::LidarMotion,
-    pose::Pose,
-};
+use lgs_formats::{clip::Clip, lidar_motion::LidarMotion, pose::Pose};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::PointCloud;
+use super::{PointCloud, stamp::sweep_seconds};
 use crate::{error::Result, ops::knn::Space, views::ClipFrame};
 
-/// Shortest and longest turn, seconds: 30 and 7 a second.
-const TURN: [f64; 2] = [0.03, 0.15];
 /// Least motion during a turn that shows, metres and radians.
 const MOVES: (f64, f64) = (0.25, 0.01);
 /// Sectors around the sensor, and in how many of them a turning one has returns.
@@ -126,23 +120,16 @@ struct Turning {
 
 /// The sweeps of a cloud; `None` where the clip says more, or no turning sensor measured them.
 fn turning(cloud: &PointCloud, clip: &Clip, frame: &ClipFrame) -> Option<Turning> {
-    let mut times: Vec<f64> = clip.frames.iter().map(|record| record.lidar.timestamp).collect();
-    times.sort_by(f64::total_cmp);
-    let turn = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0).reduce(f64::min)?;
-    if !(TURN[0]..=TURN[1]).contains(&turn) {
-        return None;
-    }
+    let turn = sweep_seconds(cloud, clip)?;
     let mut sweeps = Vec::new();
     let first = cloud.frames.first().map_or(0, |&frame| frame as usize);
     let mount = frame.lidar_from_clip(clip, first).map_or(DMat3::IDENTITY, |turn| turn.transpose());
     let mut start = 0;
     for run in cloud.frames.chunk_by(|a, b| a == b) {
         let record = &clip.frames.get(run[0] as usize)?.lidar;
-        // Returns that have times, or several sensors, are where they belong.
         let returns = start..start + run.len();
         let same = |places: &[[f32; 3]]| places.windows(2).all(|pair| pair[0] == pair[1]);
-        let at_once = cloud.times[returns.clone()].windows(2).all(|pair| pair[0] == pair[1]);
-        if record.returns != ReturnsRecord::default() || !at_once || !same(&cloud.origins[returns.clone()]) {
+        if !same(&cloud.origins[returns.clone()]) {
             return None;
         }
         sweeps.push(Sweep {

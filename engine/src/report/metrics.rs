@@ -10,7 +10,7 @@ use crate::{
     photometry::{Colours, Photometry},
     pipeline::{GaussianCounts, NetworkSummary, StageTimes},
     plan::Chosen,
-    points::{Dropped, Turn},
+    points::{Dropped, Stamp, Turn},
     recipe::{KNOBS, Recipe},
     refine::adam::AdamSummary,
     render::DrawnOn,
@@ -57,6 +57,9 @@ pub struct Metrics {
     /// How the `LiDAR` turned while it measured a sweep, where the clip does not say and the sweeps tell; no key elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lidar_turn: Option<Turn>,
+    /// Which moment of a sweep its timestamp is, where the clip does not say when returns were measured and the images tell; no key elsewhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lidar_stamp: Option<Stamp>,
     /// What the returns said of the lenses; no key where it is what the clip states.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lenses: Option<LensFinding>,

@@ -15,6 +15,7 @@ use crate::film::Film;
 pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
     let maps = maps_in_words(&metrics.depth_maps).map(|words| format!("depth maps: {words}"));
     let turn = metrics.lidar_turn.map(|turn| format!("sweeps: {}", turn.in_words()));
+    let stamp = metrics.lidar_stamp.map(|stamp| format!("sweeps: {}", stamp.in_words()));
     let dropped = metrics.dropped_returns.and_then(|dropped| dropped.in_words());
     let dropped = dropped.map(|words| format!("returns: {words}"));
     let lenses = metrics.lenses.as_ref().map(|found| format!("lenses: {}", found.in_words()));
@@ -22,7 +23,7 @@ pub(crate) fn notes(metrics: &Metrics, colours: &CommonColours) -> Vec<String> {
     let mounts = metrics.mounts.as_ref().map(|found| format!("mounts: {}", found.in_words()));
     let colours = colours.in_words().map(|words| format!("cameras: {words}"));
     let refused = metrics.drawn_on.refused.iter().map(|reason| format!("device: drawn by the CPU, since {reason}"));
-    let clip = maps.into_iter().chain(turn).chain(dropped).chain(lenses).chain(calibration).chain(mounts);
+    let clip = maps.into_iter().chain(turn).chain(stamp).chain(dropped).chain(lenses).chain(calibration).chain(mounts);
     clip.chain(colours).chain(refused).collect()
 }
 

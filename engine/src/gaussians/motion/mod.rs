@@ -5,6 +5,7 @@
 //! still. Tracked boxes, where a clip has them, may say it instead.
 
 mod boxes;
+mod delays;
 mod eyes;
 mod grid;
 mod ground;
@@ -24,7 +25,7 @@ mod sweeps;
 mod tests;
 
 pub use self::boxes::MovingBox;
-pub(crate) use self::{boxes::boxed, outlines::best_times};
+pub(crate) use self::{boxes::boxed, delays::best_delay, outlines::best_times};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -22,7 +22,7 @@ const IN_A_ROW: usize = 3;
 /// What is slower tells nothing, metres a second.
 const SLOWEST: f32 = 1.0;
 /// Fewest outermost returns that tell.
-const FEWEST: usize = 40;
+pub(super) const FEWEST: usize = 40;
 /// How many times as strong edges must be than with any other times.
 const STRONGER: f64 = 1.25;
 
@@ -35,11 +35,12 @@ const STRONGER: f64 = 1.25;
 /// # Shapes
 /// `times` `[N]` each, seconds since the clip's time zero.
 pub(crate) fn best_times(cloud: &PointCloud, movement: &Movement, views: &[View], times: &[&[f32]]) -> Option<usize> {
-    let outermost: Vec<Outermost> = views.par_iter().flat_map_iter(|view| outermost(cloud, movement, view)).collect();
+    let outermost = outermosts(cloud, movement, views);
     if outermost.len() < FEWEST {
         return None;
     }
-    let squared = |end: &Outermost<'_>, times: &[f32]| f64::from(end.contrast(cloud, movement, times)).powi(2);
+    let squared =
+        |end: &Outermost<'_>, times: &[f32]| f64::from(end.contrast(cloud, movement, times[end.point], 0.0)).powi(2);
     let strength = |times: &[f32]| -> f64 { outermost.iter().map(|end| squared(end, times)).sum() };
     let own = strength(&cloud.times);
     let found: Vec<f64> = times.iter().map(|times| strength(times)).collect();
@@ -50,12 +51,18 @@ pub(crate) fn best_times(cloud: &PointCloud, movement: &Movement, views: &[View]
 }
 
 /// A return at the left or right end of what moves.
-struct Outermost<'a> {
-    view: &'a View,
+pub(super) struct Outermost<'a> {
+    /// The view that shows it.
+    pub(super) view: &'a View,
     /// Index of the return.
-    point: usize,
+    pub(super) point: usize,
     /// Pixels to the next beam outside; negative to the left.
     outward: f32,
+}
+
+/// The ends of what moves in all views.
+pub(super) fn outermosts<'a>(cloud: &PointCloud, movement: &Movement, views: &'a [View]) -> Vec<Outermost<'a>> {
+    views.par_iter().flat_map_iter(|view| outermost(cloud, movement, view)).collect()
 }
 
 /// The ends of what moves in every row of a view, by the returns of its own sweep.
@@ -96,14 +103,29 @@ impl Row {
 }
 
 impl Outermost<'_> {
-    /// How much the colours outside and inside of it differ if returns were measured then: mean over the channels, 0 where the view does
-    /// not show it.
-    fn contrast(&self, cloud: &PointCloud, movement: &Movement, times: &[f32]) -> f32 {
+    /// Width of a beam in its view, pixels.
+    pub(super) const fn beam(&self) -> f32 {
+        self.outward.abs()
+    }
+
+    /// Where its view shows it.
+    fn place(&self, cloud: &PointCloud, movement: &Movement, time: f32) -> Option<Projected> {
         let (view, velocity) = (&self.view.pinhole, movement.velocities[self.point]);
-        let place = moved(cloud.positions[self.point], velocity, view.time - times[self.point]);
-        let Some(at) = view.project_moving(place, velocity) else { return 0.0 };
+        view.project_moving(moved(cloud.positions[self.point], velocity, view.time - time), velocity)
+    }
+
+    /// The column of its view in which it is if it was measured at `time` (seconds).
+    pub(super) fn column(&self, cloud: &PointCloud, movement: &Movement, time: f32) -> Option<f32> {
+        self.place(cloud, movement, time).map(|at| at.u)
+    }
+
+    /// How much the colours outside and inside of it differ if it was measured at `time` (seconds) and the camera is turned to the left by
+    /// `turn` (radians): mean over the channels, 0 where the view does not show it.
+    pub(super) fn contrast(&self, cloud: &PointCloud, movement: &Movement, time: f32, turn: f32) -> f32 {
+        let Some(at) = self.place(cloud, movement, time) else { return 0.0 };
+        let view = &self.view.pinhole;
         let beside = |pixels: f32| {
-            let u = at.u + pixels;
+            let u = at.u + turn * view.fx + pixels;
             (0.0..view.width as f32).contains(&u).then(|| sample(self.view, Projected { u, ..at })).flatten()
         };
         let Some((outside, inside)) = beside(BESIDE[0] * self.outward).zip(beside(-BESIDE[1] * self.outward)) else {

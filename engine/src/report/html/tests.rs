@@ -48,6 +48,7 @@ fn metrics(views: Vec<ViewRecord>) -> Metrics {
         optimisation: None,
         depth_maps: Vec::new(),
         lidar_turn: None,
+        lidar_stamp: None,
         lenses: None,
         calibration: None,
         mounts: None,
