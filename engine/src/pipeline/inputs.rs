@@ -112,9 +112,9 @@ impl Inputs {
         if let Some(sweep_s) = points::sweep_seconds(cloud, self.dir.clip()) {
             let stamps = [Stamp::Beginning, Stamp::End];
             let delays = stamps.map(|stamp| to_f32(stamp.delay(sweep_s)));
-            if let Some(delay) = motion::best_delay(cloud, &movement, &self.views, &delays) {
-                told.stamp = stamps.into_iter().zip(delays).find(|&(_, own)| own == delay).map(|(stamp, _)| stamp);
-                cloud.times.iter_mut().for_each(|time| *time += delay);
+            if let Some(best) = motion::best_delay(cloud, &movement, &self.views, &delays) {
+                told.stamp = Some(stamps[best]);
+                cloud.times.iter_mut().for_each(|time| *time += delays[best]);
                 movement = self.movement(cloud)?;
             }
         }

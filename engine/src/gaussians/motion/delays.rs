@@ -28,7 +28,7 @@ const SURE: f64 = 1.75;
 /// The largest `sum over cameras, max over turns, sum over outermost returns and over times at most 0.01 s beside` of `min(contrast, 0.1)`
 /// across the outline. It must be 1.1 times that of no delay, and what it has more, `d` for each thing in each image, at least
 /// `1.75 sqrt(sum d^2)` in all.
-pub(crate) fn best_delay(cloud: &PointCloud, movement: &Movement, views: &[View], delays: &[f32]) -> Option<f32> {
+pub(crate) fn best_delay(cloud: &PointCloud, movement: &Movement, views: &[View], delays: &[f32]) -> Option<usize> {
     let longest = delays.iter().map(|delay| delay.abs()).fold(0.0, f32::max);
     let passes = |end: &Outermost<'_>| {
         let column = |delay: f32| end.column(cloud, movement, cloud.times[end.point] + delay);
@@ -57,8 +57,8 @@ pub(crate) fn best_delay(cloud: &PointCloud, movement: &Movement, views: &[View]
         };
         cameras.values().flat_map(best).collect()
     };
-    let found = delays.iter().map(|&delay| (delay, fit(delay)));
-    let (delay, best) = found.reduce(|a, b| if total(&b.1) > total(&a.1) { b } else { a })?;
+    let found = delays.iter().map(|&delay| fit(delay)).enumerate();
+    let (index, best) = found.reduce(|a, b| if total(&b.1) > total(&a.1) { b } else { a })?;
     let as_it_is = fit(0.0);
     let mut observations: BTreeMap<(usize, &str, u32), f64> = BTreeMap::new();
     for ((end, with), without) in cameras.values().flatten().zip(&best).zip(&as_it_is) {
@@ -67,7 +67,7 @@ pub(crate) fn best_delay(cloud: &PointCloud, movement: &Movement, views: &[View]
     }
     let error = observations.values().map(|d| d * d).sum::<f64>().sqrt();
     let stronger = total(&best) - total(&as_it_is);
-    (stronger >= SURE * error && total(&best) >= STRONGER * total(&as_it_is)).then_some(delay)
+    (stronger >= SURE * error && total(&best) >= STRONGER * total(&as_it_is)).then_some(index)
 }
 
 fn total(fit: &[f64]) -> f64 {
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn outlines_tell_a_delay_from_none_and_from_a_turn_of_the_camera() {
         let delays = [0.05, -0.05];
-        for (later, want) in [(0.05, Some(0.05)), (-0.05, Some(-0.05)), (0.0, None)] {
+        for (later, want) in [(0.05, Some(0)), (-0.05, Some(1)), (0.0, None)] {
             for pixels in [0.0, 0.6] {
                 let (cloud, movement, views) = drive([5.0, -4.0], later, pixels);
                 assert_eq!(best_delay(&cloud, &movement, &views, &delays), want, "{later} s, {pixels} pixels");
