@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use lgs_formats::casts::whole;
 use rayon::prelude::*;
 
 use super::{Movement, STANDS};
@@ -65,8 +66,10 @@ pub(super) fn outermosts<'a>(cloud: &PointCloud, movement: &Movement, views: &'a
     views.par_iter().flat_map_iter(|view| outermost(cloud, movement, view)).collect()
 }
 
-/// The ends of what moves in every row of a view, by the returns of its own sweep.
+/// The ends of what moves in every row of a view, by the returns of its own sweep. Rows are as high as beams are apart: in lower ones a line of
+/// returns that is not quite level has ends everywhere.
 fn outermost<'a>(cloud: &PointCloud, movement: &Movement, view: &'a View) -> Vec<Outermost<'a>> {
+    let beam = (BEAM * view.pinhole.fx).max(1.0);
     let mut rows: BTreeMap<(u32, usize), Row> = BTreeMap::new();
     for point in 0..cloud.len() {
         let (thing, velocity) = (movement.things[point], movement.velocities[point]);
@@ -75,13 +78,11 @@ fn outermost<'a>(cloud: &PointCloud, movement: &Movement, view: &'a View) -> Vec
             continue;
         }
         let Some(at) = view.pinhole.project(cloud.positions[point]) else { continue };
-        let row =
-            rows.entry((thing, at.pixel(view.pinhole.width) / view.pinhole.width)).or_insert(Row::of(at.u, point));
+        let row = rows.entry((thing, whole(at.v / beam))).or_insert(Row::of(at.u, point));
         row.count += 1;
         row.left = if at.u < row.left.0 { (at.u, point) } else { row.left };
         row.right = if at.u > row.right.0 { (at.u, point) } else { row.right };
     }
-    let beam = (BEAM * view.pinhole.fx).max(1.0);
     let ends = |row: Row| {
         [(row.left.1, -beam), (row.right.1, beam)].map(|(point, outward)| Outermost { view, point, outward })
     };
