@@ -5,6 +5,7 @@
 pub mod allocator;
 mod cholesky;
 pub mod error;
+mod parallel;
 pub mod words;
 
 pub mod ops;

@@ -6,12 +6,11 @@ pub(crate) mod gpu;
 use std::time::Instant;
 
 use lgs_formats::casts::to_f32;
-use lgs_formats::image::PixelLabel;
-use rayon::prelude::*;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
-use crate::loss::{Kept, LossTerms, LossWeights, image_loss, residual_image, velocity_loss};
+use crate::loss::{Kept, LossTerms, LossWeights, counted_pixels, image_loss, residual_image, velocity_loss};
+use crate::parallel;
 use crate::render::{Device, Places, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::View;
 
@@ -113,8 +112,9 @@ pub(crate) fn objective_keeping<'v>(
     let mut gradient = gradients.raw(set);
     // The background does not move: its velocities are no variables.
     let (speed, by_velocity) = velocity_loss(&set.velocities[..set.num_lidar], weights.velocity);
-    gradient.velocities.par_iter_mut().zip(&by_velocity).with_min_len(GRAIN).for_each(|(v, g)| {
-        v.iter_mut().zip(g).for_each(|(v, g)| *v += g);
+    let moving = by_velocity.len().min(gradient.velocities.len());
+    parallel::for_each(&mut gradient.velocities[..moving], GRAIN, &|i, v| {
+        v.iter_mut().zip(&by_velocity[i]).for_each(|(v, g)| *v += g);
     });
     loss += speed;
     if weights.velocity > 0.0 {
@@ -212,29 +212,24 @@ fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wante
 
 /// Sums over pixels, and those of the weight and of the absolute error, as means under every Gaussian.
 fn over_weights(mut gradient: RawGradient, blended: &[[f64; 2]]) -> MeanResiduals {
-    let rows = gradient.attributes.par_iter_mut().zip(&mut gradient.velocities).zip(blended);
-    rows.with_min_len(GRAIN).for_each(|((attributes, velocity), [weight, _])| {
-        let share = to_f32(1.0 / (weight + FAINT));
+    parallel::for_each_pair(&mut gradient.attributes, &mut gradient.velocities, GRAIN, &|i, attributes, velocity| {
+        let share = to_f32(1.0 / (blended[i][0] + FAINT));
         attributes.iter_mut().chain(velocity).for_each(|value| *value *= share);
     });
-    let each = || blended.par_iter().with_min_len(GRAIN);
-    let weights = each().map(|[weight, _]| to_f32(*weight)).collect();
-    let errors = each().map(|[weight, error]| to_f32(error / (weight + FAINT))).collect();
+    let weights = parallel::map(blended.len(), GRAIN, &|i| to_f32(blended[i][0]));
+    let errors = parallel::map(blended.len(), GRAIN, &|i| to_f32(blended[i][1] / (blended[i][0] + FAINT)));
     MeanResiduals { gradient, weights, errors }
 }
 
 /// `[H, W]` mean magnitude of the three values of every pixel.
 fn absolute(rgb: &[f32]) -> Vec<f32> {
-    rgb.as_chunks::<3>().0.par_iter().with_min_len(GRAIN).map(|[r, g, b]| (r.abs() + g.abs() + b.abs()) / 3.0).collect()
-}
-
-/// `[H, W]` 1 where a pixel takes part, 0 where it is ignored.
-pub(crate) fn counted_pixels(view: &View) -> Vec<f32> {
-    let labels = view.labels.as_deref().unwrap_or_default();
-    let counts = |&label: &PixelLabel| if label == PixelLabel::Ignored { 0.0 } else { 1.0 };
-    let mut counted: Vec<f32> = labels.par_iter().with_min_len(GRAIN).map(counts).collect();
-    counted.resize(view.pinhole.width * view.pinhole.height, 1.0);
-    counted
+    let pixels = rgb.as_chunks::<3>().0;
+    let mut all = vec![0.0; pixels.len()];
+    parallel::for_chunks(&mut all, GRAIN, &|number, part| {
+        let of_pixel = |[r, g, b]: &[f32; 3]| (r.abs() + g.abs() + b.abs()) / 3.0;
+        part.iter_mut().zip(&pixels[number * GRAIN..]).for_each(|(mean, pixel)| *mean = of_pixel(pixel));
+    });
+    all
 }
 
 /// Sums over views by physical values.
@@ -243,7 +238,7 @@ struct Sums(Vec<SplatGradient>);
 
 impl Sums {
     fn new(len: usize) -> Self {
-        Self((0..len).into_par_iter().with_min_len(GRAIN).map(|_| SplatGradient::default()).collect())
+        Self(parallel::map(len, GRAIN, &|_| SplatGradient::default()))
     }
 
     /// Adds `factor` times the gradients of what a view shows.

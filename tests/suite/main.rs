@@ -16,6 +16,7 @@ mod returns;
 mod rig;
 mod scaling;
 mod shutters;
+mod street;
 mod structure;
 mod sweep;
 mod targetgen;

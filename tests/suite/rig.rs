@@ -1,7 +1,6 @@
 //! Rigs whose cameras disagree: in colour, in what lens their images have, in whether they see colour at all.
 
 use std::f64::consts::PI;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
@@ -10,11 +9,12 @@ use lgs_formats::image::{RgbImage, write_png};
 use lgs_formats::pose::Pose;
 use lgs_formats::sweep::{read_sweep, write_sweep};
 use lgs_tests::compare::{absolute, close};
-use lgs_tests::metrics::{self, number};
-use lgs_tests::process::{binary, run};
-use lgs_tests::{Outcome, case, clips, places};
+use lgs_tests::metrics::number;
+use lgs_tests::{Outcome, case, clips};
 use libtest_mimic::{Failed, Trial};
 use serde_json::{Value, json};
+
+use crate::street;
 
 /// A barrel of a lens, `[k1, k2, p1, p2, k3]`.
 const LENS: [f64; 5] = [-0.25, 0.05, 0.0, 0.0, 0.0];
@@ -60,12 +60,7 @@ fn each_camera(clip: &Path, mut change: impl FnMut(&mut Value)) -> Result<(), St
 
 /// `metrics.json` of a run with odd frames held out and no network.
 fn metrics_of(clip: &Path, flags: &[&str]) -> Result<Value, Failed> {
-    let out = tempfile::tempdir()?;
-    let mut arguments: Vec<&OsStr> = vec![clip.as_os_str(), "--out".as_ref(), out.path().as_os_str()];
-    arguments
-        .extend(["--hold-out", "odd", "--weights", "none"].iter().chain(flags).map(|flag| -> &OsStr { flag.as_ref() }));
-    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
-    Ok(metrics::read(out.path())?)
+    Ok(street::found_of(clip, &[&["--weights", "none"], flags].concat())?)
 }
 
 /// Mean PSNR of a camera's held-out views.
@@ -101,13 +96,13 @@ fn other_colours() -> Outcome {
         image
     })?;
     let (agreed, as_taken) = (metrics_of(&clip, &[])?, metrics_of(&clip, &["--colours", "as-taken"])?);
-    let before = metrics_of(&clips::street(), &[])?;
+    let before = street::without_network()?;
     if !before["photometry"].is_null() || agreed["photometry"]["reference"] != "front" {
         return Err(
             format!("photometry {}, of the clip as it is {}", agreed["photometry"], before["photometry"]).into()
         );
     }
-    let [agreed, as_taken, before] = [&agreed, &as_taken, &before].map(|page| psnr(page, "front"));
+    let [agreed, as_taken, before] = [&agreed, &as_taken, before].map(|page| psnr(page, "front"));
     let (agreed, as_taken, before) = (agreed?, as_taken?, before?);
     if agreed > before - COST && agreed > as_taken + 0.1 {
         return Ok(());
@@ -138,8 +133,8 @@ fn grey_camera() -> Outcome {
             frame["cameras"].as_array_mut().into_iter().for_each(|cameras| cameras.push(camera.clone()));
         }
     })?;
-    let (without, with) = (metrics_of(&clips::street(), &[])?, metrics_of(&both, &[])?);
-    let [without, with] = [psnr(&without, "front")?, psnr(&with, "front")?];
+    let (without, with) = (street::without_network()?, metrics_of(&both, &[])?);
+    let [without, with] = [psnr(without, "front")?, psnr(&with, "front")?];
     if with < without - 0.1 {
         return Err(format!("{without} dB without the grey camera, {with} dB with it").into());
     }
@@ -155,7 +150,7 @@ fn stated_lens() -> Outcome {
     let copy = place.path().join("stated");
     clips::copy(&clips::street(), &copy)?;
     with_lens(&copy)?;
-    let (plain, told) = (metrics_of(&clips::street(), &[])?, metrics_of(&copy, &[])?);
+    let (plain, told) = (street::without_network()?, metrics_of(&copy, &[])?);
     let stated = metrics_of(&copy, &["--lenses", "stated"])?;
     if told["lenses"]["cameras"] != json!(["front", "front_left"]) || !stated["lenses"].is_null() {
         return Err(format!("lenses {}, where stated {}", told["lenses"], stated["lenses"]).into());
@@ -188,7 +183,7 @@ fn turned_camera() -> Outcome {
             camera["world_from_camera"] = json!((stated.world_from_camera * wrong).rows());
         }
     })?;
-    let plain = metrics_of(&clips::street(), &[])?;
+    let plain = street::without_network()?;
     if !plain["mounts"].is_null() {
         return Err(format!("cameras that are where they are stated: {}", plain["mounts"]).into());
     }
@@ -205,13 +200,13 @@ fn turned_camera() -> Outcome {
         close(&format!("{camera} about y"), &[about_y], &[wanted], absolute(0.002))?;
     }
     for camera in ["front", "front_left"] {
-        let [was, is] = [psnr(&plain, camera)?, psnr(&found, camera)?];
+        let [was, is] = [psnr(plain, camera)?, psnr(&found, camera)?];
         if is < was - 0.1 {
             return Err(format!("{camera}: {was:.2} dB, found {is:.2}").into());
         }
     }
     let both = |page: &Value| Ok::<_, Failed>(0.5 * (psnr(page, "front")? + psnr(page, "front_left")?));
-    let [was, is, lost] = [both(&plain)?, both(&found)?, both(&stated)?];
+    let [was, is, lost] = [both(plain)?, both(&found)?, both(&stated)?];
     if lost < was.min(is) - 0.1 {
         Ok(())
     } else {
@@ -222,7 +217,7 @@ fn turned_camera() -> Outcome {
 /// The same returns from a sensor whose own axes are turned: upside down, like a camera's, tilted, rolled.
 fn mounted_otherwise() -> Outcome {
     let place = tempfile::tempdir()?;
-    let upright = metrics_of(&clips::street(), &[])?;
+    let upright = street::without_network()?;
     let turns = [
         ("upside_down", DQuat::from_rotation_x(PI)),
         ("as_a_camera", DQuat::from_mat3(&DMat3::from_cols(DVec3::Z, -DVec3::X, -DVec3::Y))),
@@ -233,7 +228,7 @@ fn mounted_otherwise() -> Outcome {
         let clip = mounted(place.path(), name, sensor_from_lidar)?;
         let turned = metrics_of(&clip, &[])?;
         for role in ["held_out", "input"] {
-            let [want, got] = [&upright, &turned].map(|page| number(page, &["mean", role, "psnr"]));
+            let [want, got] = [upright, &turned].map(|page| number(page, &["mean", role, "psnr"]));
             close(&format!("{name}, {role}"), &[got?], &[want?], absolute(0.05))?;
         }
     }

@@ -4,9 +4,8 @@
 //! between two scales, which knows neither exposure nor vignetting, and little of tone.
 
 use glam::{DQuat, DVec3};
-use rayon::prelude::*;
 
-use crate::{cholesky::cholesky, views::View};
+use crate::{cholesky::cholesky, parallel, views::View};
 
 /// Numbers of a change.
 pub(super) const NUM: usize = 9;
@@ -199,7 +198,8 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[Fre
     let columns: Vec<Vec<[usize; 2]>> = (0..free.len())
         .map(|camera| (0..n).filter(|&i| unknowns[i][0] == camera).map(|i| [i, unknowns[i][1]]).collect())
         .collect();
-    let term = |pair: &&Pair| -> Option<Term> {
+    let term = |i: usize| -> Option<Term> {
+        let pair = pairs[i];
         let seen = |k: usize| details[pair.seen[k].view].at(&pair.seen[k], &changes[pair.seen[k].camera]);
         let ((first, by_first), (second, by_second)) = (seen(0)?, seen(1)?);
         let [a, b] = pair.seen.map(|seen| seen.camera);
@@ -208,13 +208,13 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[Fre
         let by_first = if a == b { std::array::from_fn(|k| by_first[k] + by_second[k]) } else { by_first };
         Some((first - second, [a, b], [by_first, by_second]))
     };
-    let terms: Vec<Term> = pairs.par_iter().filter_map(term).collect();
+    let terms: Vec<Term> = parallel::filter_map(pairs.len(), 1, &term);
     let mut errors: Vec<f64> = terms.iter().map(|(error, ..)| error.abs()).collect();
     errors.sort_unstable_by(f64::total_cmp);
     let scale = (1.5 * errors.get(errors.len() / 2).copied().unwrap_or(0.0)).max(LEAST_ERROR);
-    let add = |block: &[Term]| {
+    let add = |block: usize| {
         let (mut system, mut right) = (vec![0.0; n * n], vec![0.0; n]);
-        for (error, cameras, derivatives) in block {
+        for (error, cameras, derivatives) in terms[block * BLOCK..].iter().take(BLOCK) {
             let weight = (1.0 + (error / scale).powi(2)).powi(-2);
             let num_cameras = if cameras[0] == cameras[1] { 1 } else { 2 };
             let (cameras, derivatives) = (&cameras[..num_cameras], &derivatives[..num_cameras]);
@@ -230,7 +230,7 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[Fre
         }
         (system, right)
     };
-    let blocks: Vec<(Vec<f64>, Vec<f64>)> = terms.par_chunks(BLOCK).map(add).collect();
+    let blocks: Vec<(Vec<f64>, Vec<f64>)> = parallel::map(terms.len().div_ceil(BLOCK), 1, &add);
     let (mut system, mut right) = (vec![0.0; n * n], vec![0.0; n]);
     for (part, rest) in &blocks {
         system.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
@@ -249,9 +249,10 @@ fn step(pairs: &[&Pair], details: &[Detail], changes: &mut [Change], free: &[Fre
 
 /// What the two images of each pair in a fold show, where both show it.
 pub(super) fn shown(pairs: &[Pair], details: &[Detail], changes: &[Change], fold: Fold) -> Vec<[f64; 2]> {
-    let values = |pair: &Pair| {
+    let values = |i: usize| -> Option<[f64; 2]> {
+        let pair = pairs.get(i).filter(|pair| fold.holds(pair.point))?;
         let value = |k: usize| Some(details[pair.seen[k].view].at(&pair.seen[k], &changes[pair.seen[k].camera])?.0);
         Some([value(0)?, value(1)?])
     };
-    pairs.par_iter().filter(|pair| fold.holds(pair.point)).filter_map(values).collect()
+    parallel::filter_map(pairs.len(), 1, &values)
 }

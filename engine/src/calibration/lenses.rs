@@ -4,11 +4,11 @@
 //! other or two of a rig side by side.
 
 use lgs_formats::{camera::Distortion, clip_dir::ClipDir};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{cameras_of, correlation};
 use crate::{
+    parallel,
     points::{self, DepthGrid, PointCloud},
     views::{Selection, View},
     words::Words,
@@ -107,8 +107,8 @@ fn pairs(cloud: &PointCloud, stated: &[View], without: &[View], own: &[usize]) -
     let all: Vec<[usize; 2]> =
         own.iter().flat_map(|i| next(i).into_iter().chain(beside(i)).map(move |j| [*i, j])).collect();
     let grid = |view: &View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
-    let grids: Vec<DepthGrid> = stated.par_iter().map(grid).collect();
-    all.par_iter().filter_map(|&both| pair(cloud, both, [stated, without], &grids)).collect()
+    let grids = parallel::map(stated.len(), 1, &|k| grid(&stated[k]));
+    parallel::filter_map(all.len(), 1, &|i| pair(cloud, all[i], [stated, without], &grids))
 }
 
 fn pair(cloud: &PointCloud, both: [usize; 2], lenses: [&[View]; 2], grids: &[DepthGrid]) -> Option<Pair> {

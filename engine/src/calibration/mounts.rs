@@ -17,6 +17,7 @@ use super::{
     cameras_of, correlation,
 };
 use crate::{
+    parallel,
     points::{DepthGrid, PointCloud},
     views::{Selection, View},
 };
@@ -146,7 +147,7 @@ fn pairs(cloud: &PointCloud, views: &[View], cameras: &[Option<usize>]) -> Vec<P
     frames.dedup();
     let rank = |frame: usize| frames.partition_point(|&f| f < frame);
     let grid = |view: &View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
-    let grids: Vec<DepthGrid> = views.par_iter().map(grid).collect();
+    let grids = parallel::map(views.len(), 1, &|k| grid(&views[k]));
     let point_pairs = |point: usize| -> Vec<Pair> {
         let own = cloud.frames[point] as usize;
         let shown = |k: usize| -> Option<(usize, [f32; 3])> {
@@ -187,7 +188,7 @@ fn fit(pairs: &[Pair], views: &[View], num_cameras: usize, reference: usize) -> 
         .map(|c| c != reference && pairs.iter().filter(|pair| has_camera(c)(pair)).count() >= FEWEST_PAIRS)
         .collect();
     let levels: Vec<Vec<Detail>> =
-        LEVELS.iter().map(|&(factor, _)| views.par_iter().map(|view| Detail::new(view, factor)).collect()).collect();
+        LEVELS.iter().map(|&(factor, _)| parallel::map(views.len(), 1, &|k| Detail::new(&views[k], factor))).collect();
     let stated = vec![Change::default(); num_cameras];
     let finest = &levels[LEVELS.len() - 1];
     // Share of the variance of the chosen pairs that one image leaves unexplained of the other, and their number.

@@ -23,6 +23,7 @@ use super::{
     mounts::Mount,
 };
 use crate::{
+    parallel,
     points::{DepthGrid, PointCloud},
     views::View,
 };
@@ -127,7 +128,7 @@ pub(super) fn otherwise(
         return None;
     }
     let levels: Vec<Vec<Detail>> =
-        LEVELS.iter().map(|&(factor, _)| own.par_iter().map(|view| Detail::new(view, factor)).collect()).collect();
+        LEVELS.iter().map(|&(factor, _)| parallel::map(own.len(), 1, &|k| Detail::new(own[k], factor))).collect();
     let aligned =
         |free: Free, start: Change, from: usize, fold: Fold| -> Change {
             LEVELS.iter().zip(&levels).skip(from).fold(start, |change, (&(_, rounds), details)| {
@@ -194,9 +195,9 @@ impl Motion {
 
 /// Returns that two of the images show, one of them of the return's own frame; by images.
 fn pairs(cloud: &PointCloud, views: &[&View], motions: &[Motion]) -> Vec<Pair> {
-    let grid = |view: &&View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
-    let grids: Vec<DepthGrid> = views.par_iter().map(grid).collect();
-    let fronts: Vec<Front> = views.par_iter().map(|view| Front::new(cloud, &view.pinhole)).collect();
+    let grid = |view: &View| DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
+    let grids = parallel::map(views.len(), 1, &|k| grid(views[k]));
+    let fronts = parallel::map(views.len(), 1, &|k| Front::new(cloud, &views[k].pinhole));
     let seen = |point: usize, k: usize| -> Option<Seen> {
         let view = views[k];
         let camera = &view.pinhole;

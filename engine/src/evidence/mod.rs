@@ -6,12 +6,11 @@ mod rounds;
 #[cfg(test)]
 pub(crate) mod samples;
 
-use rayon::prelude::*;
-
 use crate::gaussians::GaussianSet;
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::loss::{LossWeights, pixel_costs};
 use crate::objective::BEHIND;
+use crate::parallel;
 use crate::render::constants::{HARDLY_SEEN, UNSEEN};
 use crate::render::{Device, Effect, PixelCosts, Projection, effects, halving, longest_axes};
 use crate::views::View;
@@ -28,6 +27,8 @@ const UNHIDDEN: f64 = 0.2;
 const SQUARES: f32 = 100.0;
 /// Keeps a division defined where a Gaussian shows hardly a pixel: a square of blending weights, pixels.
 const FAINT: f64 = 0.05;
+/// Gaussians that a thread takes at once.
+const GRAIN: usize = 4096;
 
 /// What the views show.
 #[derive(Clone, Debug, Default)]
@@ -83,8 +84,7 @@ impl Evidence {
     /// What the views show of the halves along the axes, or without axes, of no halves.
     fn seen(splats: &[Splat], axes: Vec<u8>, views: &[&View], pricing: Pricing<'_>) -> Self {
         let Pricing { weights, by_square, least } = pricing;
-        let defaults = (0..splats.len()).into_par_iter().with_min_len(4096).map(|_| Effect::default());
-        let mut all: Vec<Effect> = defaults.collect();
+        let mut all: Vec<Effect> = parallel::map(splats.len(), GRAIN, &|_| Effect::default());
         let (mut loss, mut squares, mut pixels) = (0.0, 0.0, 0.0);
         for view in views {
             let state = Projection::new(splats, &view.pinhole).render_through(&view.pinhole, BEHIND, least);
@@ -101,7 +101,7 @@ impl Evidence {
             state.places(splats.len()).each(&mut all, |sum, place| sum.add(&of_view[place]));
         }
         let share = 1.0 / views.len().max(1) as f64;
-        all.par_iter_mut().with_min_len(4096).for_each(|effect| effect.removal *= share);
+        parallel::for_chunks(&mut all, GRAIN, &|_, part| part.iter_mut().for_each(|effect| effect.removal *= share));
         let squared_error = if pixels > 0.0 { squares / pixels } else { 0.0 };
         Self { effects: all, axes, loss: loss * share, squared_error }
     }
@@ -115,7 +115,7 @@ impl Evidence {
         let shown = sum(|effect| effect.shown);
         let mean = if shown > 0.0 { sum(|effect| effect.removal.max(0.0)) / shown } else { 0.0 };
         let cost = |effect: &Effect| effect.removal + UNHIDDEN * mean * (effect.covered - effect.shown);
-        self.effects.par_iter().with_min_len(4096).map(cost).collect()
+        parallel::map(self.effects.len(), GRAIN, &|i| cost(&self.effects[i]))
     }
 
     /// `[N]` by how much the squared errors fall when the colours of the halves of each are fitted to them, beyond what a fit of its own colour

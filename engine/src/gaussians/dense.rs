@@ -8,7 +8,10 @@ use super::{
     initial::row,
     physical::{MAX_SCALE, MIN_SCALE, sigmoid},
 };
-use crate::views::{Projected, Role, View};
+use crate::{
+    parallel,
+    views::{Projected, Role, View},
+};
 
 /// Sides of the rectangles whose returns become one, width and height in pixels, in the order in which they are tried.
 const SHAPES: [[usize; 2]; 12] =
@@ -135,7 +138,7 @@ fn seen_in(set: &GaussianSet, view: &View, finer: &[&View], fate: &[Fate]) -> Ve
         let colour = [0, 1, 2].map(|k| sigmoid(row[LOGIT_COLOUR.start + k]));
         Some(Seen { index, at, pixel: at.pixel(view.pinhole.width), colour })
     };
-    let mut all: Vec<Seen> = (0..set.len()).into_par_iter().with_min_len(GRAIN).filter_map(seen).collect();
+    let mut all: Vec<Seen> = parallel::filter_map(set.len(), GRAIN, &seen);
     all.par_sort_unstable_by_key(|seen| (seen.pixel, seen.index));
     all
 }

@@ -1,8 +1,7 @@
 //! Raw parameters to physical values, and the chain rule back.
 
-use rayon::prelude::*;
-
 use super::{Branch, GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT};
+use crate::parallel;
 
 /// Smallest physical scale of the `LiDAR` branch, metres (specification, section 4).
 pub(crate) const MIN_SCALE: f32 = 1e-4;
@@ -68,7 +67,7 @@ impl SplatGradient {
 /// `scale = clamp(exp(s), 1e-4, 1)` in the `LiDAR` branch, without the upper clamp in the background; `opacity = sigmoid(a)`,
 /// `colour = sigmoid(c)`. The quaternion is passed on; the renderer normalises it.
 pub fn to_physical(set: &GaussianSet) -> Vec<Splat> {
-    (0..set.len()).into_par_iter().with_min_len(4096).map(|i| splat_of(set, i)).collect()
+    parallel::map(set.len(), 4096, &|i| splat_of(set, i))
 }
 
 /// The physical values of Gaussian `i`.
@@ -93,9 +92,8 @@ pub(crate) fn splat_of(set: &GaussianSet, i: usize) -> Splat {
 /// # Gradient
 /// `d scale / d s = scale` inside the clamp and 0 outside; `d sigmoid(x) / dx = y (1 - y)`.
 pub fn to_raw_gradient(set: &GaussianSet, physical: &[SplatGradient]) -> (Vec<[f32; NUM_ATTRIBUTES]>, Vec<[f32; 3]>) {
-    let rows = physical.par_iter().enumerate().with_min_len(4096);
-    let attributes = rows.map(|(i, g)| raw_gradient_of(set, i, g)).collect();
-    (attributes, physical.par_iter().with_min_len(4096).map(|g| g.velocity).collect())
+    let attributes = parallel::map(physical.len(), 4096, &|i| raw_gradient_of(set, i, &physical[i]));
+    (attributes, parallel::map(physical.len(), 4096, &|i| physical[i].velocity))
 }
 
 fn raw_gradient_of(set: &GaussianSet, i: usize, g: &SplatGradient) -> [f32; NUM_ATTRIBUTES] {

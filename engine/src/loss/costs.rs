@@ -2,10 +2,10 @@
 
 use lgs_formats::casts::to_f32;
 use lgs_formats::image::PixelLabel;
-use rayon::prelude::*;
 
+use super::residual::differences;
 use super::ssim::{ImagePair, add_ssim_gradient};
-use super::{GRAIN, LossCounts, LossWeights, depth_errors, fill_ignored};
+use super::{LossCounts, LossWeights, counted_pixels, depth_errors, fill_ignored, zero_ignored};
 use crate::render::{PixelCosts, Rendered};
 use crate::views::View;
 
@@ -26,27 +26,20 @@ pub fn pixel_costs(rendered: &Rendered, view: &View, weights: &LossWeights) -> P
     let mut slopes = vec![0.0; colours.len()];
     let pair = ImagePair { truth: &view.image.data, rendered: &colours, width, height };
     let similarity = add_ssim_gradient(&pair, labels, -weights.ssim, &mut slopes);
-    slopes.par_chunks_exact_mut(3).enumerate().with_min_len(GRAIN).for_each(|(pixel, slope)| {
-        if ignored(pixel) {
-            slope.fill(0.0);
-        }
-    });
+    zero_ignored(&mut slopes, 3, labels.unwrap_or_default());
     let mut depth = vec![0.0; rendered.depth.len()];
     let samples = view.depth_samples.iter().map(|sample| (sample.pixel as usize, sample.depth));
     samples.filter(|&(pixel, _)| !ignored(pixel)).for_each(|(pixel, metres)| depth[pixel] = metres);
     let counts = LossCounts::of(view);
     let per = |sums| to_f32(counts.loss(weights, sums));
-    let pairs = colours.par_iter().zip(&view.image.data).with_min_len(GRAIN);
-    let residual: Vec<f32> = pairs.map(|(rendered, truth)| rendered - truth).collect();
+    let residual = differences(&colours, &view.image.data);
     let by_colour = residual.iter().map(|r| f64::from(r.abs())).sum::<f64>();
     let by_depth = depth_errors(rendered, &view.depth_samples, labels).map(|(_, e)| f64::from(e.abs())).sum::<f64>();
-    let pixels = (0..width * height).into_par_iter().with_min_len(GRAIN);
-    let counted = pixels.map(|pixel| if ignored(pixel) { 0.0 } else { 1.0 });
     let dissimilarity = similarity.map_or(0.0, |similarity| 1.0 - similarity);
     PixelCosts {
         loss: counts.loss(weights, [by_colour, 0.0, by_depth]) + f64::from(weights.ssim) * dissimilarity,
         residual,
-        counted: counted.collect(),
+        counted: counted_pixels(view),
         per_colour: per([1.0, 0.0, 0.0]),
         per_square: 0.0,
         slopes,

@@ -22,6 +22,7 @@ use lgs_formats::image::PixelLabel;
 use rayon::prelude::*;
 
 use crate::{
+    parallel,
     render::{ImageGradient, Rendered},
     views::View,
 };
@@ -105,12 +106,7 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     };
     let ssim = ssim::add_ssim_gradient(&pair, labels, -weights.ssim, &mut rgb);
     if let Some(labels) = labels {
-        let ignored = rgb
-            .par_chunks_exact_mut(3)
-            .zip(labels)
-            .with_min_len(GRAIN)
-            .filter(|(_, label)| **label == PixelLabel::Ignored);
-        ignored.for_each(|(gradient, _)| gradient.fill(0.0));
+        zero_ignored(&mut rgb, 3, labels);
     }
     let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
     let total = f64::from(weights.l1) * l1
@@ -132,14 +128,39 @@ thread_local! {
 /// `rendered`, `truth` and `filled` `[H, W, 3]`, `labels` `[H, W]`.
 pub(crate) fn fill_ignored(rendered: &[f32], truth: &[f32], labels: &[PixelLabel], filled: &mut Vec<f32>) {
     filled.resize(rendered.len(), 0.0);
-    let of_rendered = filled.par_chunks_mut(GRAIN).zip(rendered.par_chunks(GRAIN));
-    of_rendered.for_each(|(filled, rendered)| filled.copy_from_slice(rendered));
-    let colours = filled.par_chunks_exact_mut(3).zip(truth.par_chunks_exact(3)).zip(labels).with_min_len(GRAIN);
-    colours.for_each(|((colour, true_colour), label)| {
-        if *label == PixelLabel::Ignored {
-            colour.copy_from_slice(true_colour);
+    parallel::for_chunks(filled, 3 * GRAIN, &|number, filled| {
+        let start = 3 * GRAIN * number;
+        filled.copy_from_slice(&rendered[start..][..filled.len()]);
+        let labels = labels.get(number * GRAIN..).unwrap_or_default();
+        let colours = filled.chunks_exact_mut(3).zip(truth[start..].chunks_exact(3)).zip(labels);
+        for ((colour, true_colour), label) in colours {
+            if *label == PixelLabel::Ignored {
+                colour.copy_from_slice(true_colour);
+            }
         }
     });
+}
+
+/// Sets the values of the pixels that are ignored to zero.
+///
+/// # Shapes
+/// `values` `[H, W, channels]`, `labels` `[H, W]`.
+fn zero_ignored(values: &mut [f32], channels: usize, labels: &[PixelLabel]) {
+    parallel::for_chunks(values, channels * GRAIN, &|number, values| {
+        let labels = labels.get(number * GRAIN..).unwrap_or_default();
+        for (of_pixel, label) in values.chunks_exact_mut(channels).zip(labels) {
+            if *label == PixelLabel::Ignored {
+                of_pixel.fill(0.0);
+            }
+        }
+    });
+}
+
+/// `[H, W]` 1 where a pixel takes part, 0 where it is ignored.
+pub(crate) fn counted_pixels(view: &View) -> Vec<f32> {
+    let mut counted = vec![1.0; view.pinhole.width * view.pinhole.height];
+    zero_ignored(&mut counted, 1, view.labels.as_deref().unwrap_or_default());
+    counted
 }
 
 /// The labels of the pixels, in parallel.

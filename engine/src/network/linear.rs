@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use candle_core::{Result, Tensor};
 use candle_nn::{Init, VarBuilder};
-use rayon::prelude::*;
 
 use crate::ops::dense::{self, Layer};
+use crate::parallel;
 
 /// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
 const PIECE: usize = 1024;
@@ -138,6 +138,6 @@ pub(in crate::network) fn by_pieces<const N: usize>(
         let parts = inputs.iter().map(|x| x.narrow(0, first, count)).collect::<Result<Vec<Tensor>>>()?;
         layers(std::array::from_fn(|i| &parts[i]))
     };
-    let pieces = (0..rows.div_ceil(PIECE)).into_par_iter().map(piece).collect::<Result<Vec<Tensor>>>()?;
+    let pieces = parallel::map(rows.div_ceil(PIECE), 1, &piece).into_iter().collect::<Result<Vec<Tensor>>>()?;
     Tensor::cat(&pieces, 0)
 }

@@ -1,8 +1,7 @@
 //! Attributes, times and velocities at a common scale, and residuals back at theirs.
 
-use rayon::prelude::*;
-
 use crate::gaussians::{GaussianSet, LOG_SCALE, LOGIT_COLOUR, LOGIT_OPACITY, MEAN, NUM_ATTRIBUTES, QUAT, RawGradient};
+use crate::parallel;
 
 /// Columns of the input of a first prediction: attributes and time.
 pub const INITIAL_INPUTS: usize = NUM_ATTRIBUTES + 1;
@@ -40,6 +39,8 @@ const RESIDUAL_SCALE: [f32; NUM_ATTRIBUTES] = {
 const VELOCITY_RESIDUAL: f32 = 3.0;
 /// Bounds of the size in which positions are measured, metres.
 const SIZES: [f32; 2] = [1e-3, 10.0];
+/// Rows of one piece of work.
+const PIECE: usize = 1024;
 
 /// Rows `[n, INITIAL_INPUTS]` of `chosen` Gaussians.
 pub fn initial_rows(set: &GaussianSet, chosen: &[usize]) -> Vec<f32> {
@@ -125,7 +126,9 @@ pub fn residual_gradients(set: &GaussianSet, chosen: &[usize], gradient: &RawGra
 
 pub(super) fn rows(chosen: &[usize], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
     let mut rows = vec![0.0_f32; chosen.len() * width];
-    rows.par_chunks_exact_mut(width).with_min_len(1024).zip(chosen).for_each(|(row, &i)| fill(i, row));
+    parallel::for_chunks(&mut rows, PIECE * width, &|piece, rows| {
+        rows.chunks_exact_mut(width).zip(&chosen[piece * PIECE..]).for_each(|(row, &i)| fill(i, row));
+    });
     rows
 }
 

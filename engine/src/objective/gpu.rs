@@ -2,11 +2,10 @@
 
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::{BEHIND, Found, ObjectiveSeconds, Sums, Wanted};
 use crate::gaussians::physical::Splat;
 use crate::loss::{Kept, LossWeights, gpu};
+use crate::parallel;
 use crate::render::gpu::{Gpu, GpuError, MAPPED, Row, SceneBuffers, Work};
 use crate::views::View;
 
@@ -91,7 +90,7 @@ fn spread<R: Sync, T: Clone + Default + Send>(
     of: impl Fn(&R) -> T + Sync,
 ) -> Vec<T> {
     let mut all = vec![T::default(); len];
-    all.par_chunks_mut(CHUNK).enumerate().for_each(|(number, part)| {
+    parallel::for_chunks(&mut all, CHUNK, &|number, part| {
         let (start, end) = (number * CHUNK, number * CHUNK + part.len());
         let first = indices.partition_point(|&i| (i as usize) < start);
         let chosen = indices.iter().zip(rows).skip(first).take_while(|(i, _)| (**i as usize) < end);

@@ -2,10 +2,10 @@
 
 use candle_core::{CpuStorage, CustomOp1, InplaceOp1, Layout, Result, Shape, Tensor};
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::lanes::{CDF_REACH, exp2, normal_cdf};
 use super::tensors::{slice, slice_mut, with_values};
+use crate::parallel;
 
 /// Values of one piece of work.
 const PIECE: usize = 1 << 14;
@@ -121,7 +121,7 @@ impl InplaceOp1 for Activation {
 
     fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> Result<()> {
         let arch = pulp::Arch::new();
-        slice_mut(storage, layout)?.par_chunks_mut(PIECE).for_each(|values| self.replace(arch, values));
+        parallel::for_chunks(slice_mut(storage, layout)?, PIECE, &|_, values| self.replace(arch, values));
         Ok(())
     }
 }
@@ -138,8 +138,8 @@ impl CustomOp1 for Activation {
         let x = slice(storage, layout)?;
         let mut out = vec![0.0_f32; x.len()];
         let arch = pulp::Arch::new();
-        out.par_chunks_mut(PIECE).zip(x.par_chunks(PIECE)).for_each(|(out, x)| {
-            out.copy_from_slice(x);
+        parallel::for_chunks(&mut out, PIECE, &|piece, out| {
+            out.copy_from_slice(&x[piece * PIECE..][..out.len()]);
             self.replace(arch, out);
         });
         Ok((CpuStorage::F32(out), layout.shape().clone()))
@@ -149,16 +149,18 @@ impl CustomOp1 for Activation {
         let v_x = with_values([x, v_out], |[x, v_out]| {
             let mut v_x = vec![0.0_f32; x.len()];
             let arch = pulp::Arch::new();
-            let pieces = x.par_chunks(PIECE).zip(v_out.par_chunks(PIECE));
-            v_x.par_chunks_mut(PIECE).zip(pieces).for_each(|(v_x, (x, v_out))| match self {
-                Self::Gelu => {
-                    v_x.copy_from_slice(x);
-                    arch.dispatch(InPlace::<SLOPE>(v_x));
-                    v_x.iter_mut().zip(v_out).for_each(|(v_x, v)| *v_x *= v);
-                }
-                Self::Relu => {
-                    let values = x.iter().zip(v_out);
-                    v_x.iter_mut().zip(values).for_each(|(v_x, (&x, &v))| *v_x = if x > 0.0 { v } else { 0.0 });
+            parallel::for_chunks(&mut v_x, PIECE, &|piece, v_x| {
+                let [x, v_out] = [x, v_out].map(|values| &values[piece * PIECE..][..v_x.len()]);
+                match self {
+                    Self::Gelu => {
+                        v_x.copy_from_slice(x);
+                        arch.dispatch(InPlace::<SLOPE>(v_x));
+                        v_x.iter_mut().zip(v_out).for_each(|(v_x, v)| *v_x *= v);
+                    }
+                    Self::Relu => {
+                        let values = x.iter().zip(v_out);
+                        v_x.iter_mut().zip(values).for_each(|(v_x, (&x, &v))| *v_x = if x > 0.0 { v } else { 0.0 });
+                    }
                 }
             });
             Ok(v_x)

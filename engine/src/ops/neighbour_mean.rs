@@ -3,10 +3,13 @@
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
-use rayon::prelude::*;
 
 use super::knn::NO_NEIGHBOUR;
 use super::tensors::{slice, with_values};
+use crate::parallel;
+
+/// Rows of one piece of work.
+const PIECE: usize = 256;
 
 /// Rows, and beside each the mean over its existing neighbours; zeros in place of both where there is no neighbour.
 ///
@@ -52,16 +55,18 @@ impl CustomOp1 for WithNeighbourMean {
         let (features, &Self { k, width, .. }) = (slice(storage, layout)?, self);
         let mut out = vec![0.0_f32; 2 * features.len()];
         if k > 0 && width > 0 {
-            let rows = out.par_chunks_exact_mut(2 * width).zip(features.par_chunks_exact(width));
-            rows.zip(self.neighbours.par_chunks_exact(k)).with_min_len(256).for_each(|((out, row), neighbours)| {
-                let count = existing(neighbours).count() as f32;
-                if count > 0.0 {
-                    let (same, mean) = out.split_at_mut(width);
-                    same.copy_from_slice(row);
-                    for j in existing(neighbours) {
-                        mean.iter_mut().zip(&features[j * width..]).for_each(|(m, v)| *m += v);
+            parallel::for_chunks(&mut out, PIECE * 2 * width, &|piece, out| {
+                for (i, out) in (piece * PIECE..).zip(out.chunks_exact_mut(2 * width)) {
+                    let neighbours = &self.neighbours[i * k..][..k];
+                    let count = existing(neighbours).count() as f32;
+                    if count > 0.0 {
+                        let (same, mean) = out.split_at_mut(width);
+                        same.copy_from_slice(&features[i * width..][..width]);
+                        for j in existing(neighbours) {
+                            mean.iter_mut().zip(&features[j * width..]).for_each(|(m, v)| *m += v);
+                        }
+                        mean.iter_mut().for_each(|m| *m /= count);
                     }
-                    mean.iter_mut().for_each(|m| *m /= count);
                 }
             });
         }
@@ -88,7 +93,7 @@ impl CustomOp1 for WithNeighbourMean {
         }
         let v_features = with_values([gradient], |[v_out]| {
             let (mut v_features, width) = (vec![0.0_f32; v_out.len() / 2], self.width);
-            v_features.par_chunks_exact_mut(width.max(1)).enumerate().for_each(|(j, row)| {
+            parallel::for_chunks(&mut v_features, width.max(1), &|j, row| {
                 if existing(&self.neighbours[j * self.k..][..self.k]).next().is_some() {
                     row.copy_from_slice(&v_out[2 * j * width..][..width]);
                 }

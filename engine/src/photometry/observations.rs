@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use lgs_formats::{casts::to_f32, image::PixelLabel};
-use rayon::prelude::*;
 
 use crate::{
+    parallel,
     points::DepthGrid,
     views::{DepthSample, Projected, View, light, off_axis},
 };
@@ -62,14 +62,15 @@ impl Observations {
 
 /// What `views` show of the same places: returns of their sweeps, and directions in which there is sky.
 pub(super) fn observe(views: &[View]) -> Observations {
-    let seen: Vec<Seen<'_>> = views.par_iter().map(Seen::of).collect();
+    let seen: Vec<Seen<'_>> = parallel::map(views.len(), 1, &|i| Seen::of(&views[i]));
     let frames: Vec<usize> = distinct(views.iter().map(|view| view.frame));
     let near = |a: usize, b: usize| {
         let rank = |frame: usize| frames.partition_point(|&f| f < frame);
         rank(a).abs_diff(rank(b)) <= FRAMES_AROUND
     };
     let most = (MOST_PLACES / (2 * views.len().max(1))).max(1);
-    let of_view = |(own, from): (usize, &Seen<'_>)| -> Vec<Vec<Observation>> {
+    let of_view = |own: usize| -> Vec<Vec<Observation>> {
+        let from = &seen[own];
         let others =
             || seen.iter().enumerate().filter(|(k, other)| *k != own && near(other.view.frame, from.view.frame));
         let follow = |start: Projected, is_sky: bool| {
@@ -86,7 +87,7 @@ pub(super) fn observe(views: &[View]) -> Observations {
         let sky = thinned(from.sky(), most).filter_map(|at| follow(at, true));
         returns.chain(sky).collect()
     };
-    let found: Vec<Vec<Vec<Observation>>> = seen.par_iter().enumerate().map(of_view).collect();
+    let found: Vec<Vec<Vec<Observation>>> = parallel::map(seen.len(), 1, &of_view);
     let mut result = Observations::default();
     for place in found.into_iter().flatten() {
         let start = result.all.len();

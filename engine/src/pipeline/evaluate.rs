@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 
 use lgs_formats::clip::Clip;
-use rayon::prelude::*;
 
 use super::{Stage, Watch};
 use crate::{
     error::{EngineError, Result},
     evaluate::{ViewFigures, evaluate_view, lpips::Lpips, masks::dynamic_pixels},
     gaussians::physical::Splat,
+    parallel,
     render::{Device, MemoryEstimate, Pass, Rendered},
     views::{ClipFrame, PinholeView, Role, View},
 };
@@ -92,18 +92,18 @@ pub fn evaluate_views<T: Send, E: From<EngineError> + Send>(
             batch.iter().map(draw).unzip()
         });
         let measured: Vec<Option<ViewFigures>> = watch.time(Stage::Evaluate, |progress| {
-            let measure = |(view, rendered): (&Cow<'_, View>, &Rendered)| {
-                let measured = measure(view, rendered, figures);
+            let measure = |i: usize| {
+                let measured = measure(&taken[i], &rendered[i], figures);
                 progress.step(Stage::Evaluate);
                 measured
             };
-            taken.par_iter().zip(&rendered).map(measure).collect::<Result<_>>()
+            parallel::map(taken.len(), 1, &measure).into_iter().collect::<Result<_>>()
         })?;
-        let all = taken.par_iter().zip(&rendered).zip(&scores).zip(&measured);
-        let new = all.map(|(((view, rendered), scores), figures)| {
-            keep(RenderedView { view, rendered, scores: scores.as_ref(), figures: figures.as_ref() })
+        let new = parallel::map(taken.len(), 1, &|i| {
+            let (scores, figures) = (scores[i].as_ref(), measured[i].as_ref());
+            keep(RenderedView { view: &taken[i], rendered: &rendered[i], scores, figures })
         });
-        kept.extend(new.collect::<std::result::Result<Vec<T>, E>>()?);
+        kept.extend(new.into_iter().collect::<std::result::Result<Vec<T>, E>>()?);
     }
     stages.iter().for_each(|&stage| watch.progress.end(stage));
     Ok(kept)

@@ -1,11 +1,11 @@
 //! Sweeps of several frames as one cloud in the clip frame.
 
 use lgs_formats::{clip::LidarRecord, clip_dir::ClipDir, sweep::Sweep};
-use rayon::prelude::*;
 
 use super::PointCloud;
 use crate::{
     error::{EngineError, Result},
+    parallel,
     views::ClipFrame,
 };
 
@@ -21,8 +21,8 @@ pub fn aggregate(dir: &ClipDir, input_frames: &[usize], frame: &ClipFrame) -> Re
     // As many sweeps at a time as there are threads: those of a long drive are not held beside their cloud.
     for some in input_frames.chunks(rayon::current_num_threads()) {
         let load =
-            |&index: &usize| Some((dir.clip().frames.get(index)?, u32::try_from(index).ok()?, dir.load_sweep(index)));
-        let loaded: Vec<_> = some.par_iter().map(load).collect();
+            |index: usize| Some((dir.clip().frames.get(index)?, u32::try_from(index).ok()?, dir.load_sweep(index)));
+        let loaded = parallel::map(some.len(), 1, &|k| load(some[k]));
         for (index, loaded) in some.iter().zip(loaded) {
             let Some((record, label, sweep)) = loaded else {
                 let expected = format!("frame indices below {}", dir.clip().frames.len());

@@ -4,7 +4,10 @@ use lgs_formats::image::PixelLabel;
 use rayon::prelude::*;
 
 use super::{PointCloud, occlusion::DepthGrid};
-use crate::views::{DepthSample, PinholeView, Projected, Role, View};
+use crate::{
+    parallel,
+    views::{DepthSample, PinholeView, Projected, Role, View},
+};
 
 /// Waits that differ by less than this are the same, seconds: clocks that count from an epoch are rounded.
 const SAME_WAIT: f32 = 1e-4;
@@ -21,21 +24,13 @@ const GRAIN: usize = 512;
 /// # Shapes
 /// `velocities` `[N, 3]` metres a second, of points that are where they are at the moment of their sweep; result `[N, 3]`.
 pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec<Option<[f32; 3]>> {
-    let inputs: Vec<(&View, DepthGrid)> = views
-        .iter()
-        .filter(|view| view.role == Role::Input)
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|view| {
-            let samples = samples_at(cloud, velocities, view);
-            (view, DepthGrid::new(view.pinhole.width, view.pinhole.height, &samples))
-        })
-        .collect();
-    let mut result = vec![None; cloud.len()];
-    result.par_iter_mut().enumerate().with_min_len(GRAIN).for_each(|(i, colour)| {
-        *colour = colour_of(cloud, i, velocities[i], &inputs);
+    let inputs: Vec<&View> = views.iter().filter(|view| view.role == Role::Input).collect();
+    let inputs: Vec<(&View, DepthGrid)> = parallel::map(inputs.len(), 1, &|k| {
+        let view = inputs[k];
+        let samples = samples_at(cloud, velocities, view);
+        (view, DepthGrid::new(view.pinhole.width, view.pinhole.height, &samples))
     });
-    result
+    parallel::map(cloud.len(), GRAIN, &|i| colour_of(cloud, i, velocities[i], &inputs))
 }
 
 /// The returns of a view's own sweep where they are at the moment of the view, ascending by pixel, the nearest of each.
@@ -45,19 +40,22 @@ pub fn paint(cloud: &PointCloud, velocities: &[[f32; 3]], views: &[View]) -> Vec
 pub(crate) fn samples_at(cloud: &PointCloud, velocities: &[[f32; 3]], view: &View) -> Vec<DepthSample> {
     let start = cloud.frames.partition_point(|&frame| (frame as usize) < view.frame);
     let end = cloud.frames.partition_point(|&frame| frame as usize <= view.frame);
-    samples_of((start..end).into_par_iter().map(|i| (cloud.positions[i], velocities[i], cloud.times[i])), &view.pinhole)
+    let place = |i: usize| (cloud.positions[i], velocities[i], cloud.times[i]);
+    samples_of(end - start, &|k| place(start + k), &view.pinhole)
 }
 
 /// Where places that move, each given with its velocity and time, are at the moment of a view, ascending by pixel, the nearest of each.
 pub(crate) fn samples_of(
-    places: impl IndexedParallelIterator<Item = ([f32; 3], [f32; 3], f32)>,
+    count: usize,
+    place_of: &(dyn Fn(usize) -> ([f32; 3], [f32; 3], f32) + Sync),
     view: &PinholeView,
 ) -> Vec<DepthSample> {
-    let sample = |(place, velocity, time): ([f32; 3], [f32; 3], f32)| {
+    let sample = |i: usize| {
+        let (place, velocity, time) = place_of(i);
         let at = view.project_moving(moved(place, velocity, view.time - time), velocity)?;
         Some(DepthSample { pixel: u32::try_from(at.pixel(view.width)).ok()?, depth: at.depth })
     };
-    let mut samples: Vec<DepthSample> = places.with_min_len(GRAIN).filter_map(sample).collect();
+    let mut samples: Vec<DepthSample> = parallel::filter_map(count, GRAIN, &sample);
     samples.par_sort_unstable_by(|a, b| a.pixel.cmp(&b.pixel).then(a.depth.total_cmp(&b.depth)));
     samples.dedup_by_key(|sample| sample.pixel);
     samples

@@ -1,10 +1,8 @@
 //! How far apart the points of a cloud are.
 
-use rayon::prelude::*;
-
 use lgs_formats::casts::to_f32;
 
-use crate::{error::Result, ops::knn::nearest_in_space};
+use crate::{error::Result, ops::knn::nearest_in_space, parallel};
 
 /// How many neighbours the spacing is the mean over.
 const NUM_NEIGHBOURS: usize = 3;
@@ -26,7 +24,7 @@ pub fn spacing(positions: &[[f32; 3]], queries: &[u32]) -> Result<Vec<f32>> {
         let found = &neighbours[m];
         found.iter().map(|near| to_f32(near.squared.sqrt())).sum::<f32>() / found.len().max(1) as f32
     };
-    Ok((0..queries.len()).into_par_iter().with_min_len(1024).map(mean).collect())
+    Ok(parallel::map(queries.len(), 1024, &mean))
 }
 
 /// The spacings, none wider than range times the usual angle between neighbours explains: a lone return in the air, or one at an edge of what the

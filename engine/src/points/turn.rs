@@ -6,11 +6,10 @@
 use glam::{DMat3, DVec3};
 use lgs_formats::casts::to_f32;
 use lgs_formats::{clip::Clip, lidar_motion::LidarMotion, pose::Pose};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{PointCloud, stamp::sweep_seconds};
-use crate::{error::Result, ops::knn::Space, views::ClipFrame};
+use crate::{error::Result, ops::knn::Space, parallel, views::ClipFrame};
 
 /// Least motion during a turn that shows, metres and radians.
 const MOVES: (f64, f64) = (0.25, 0.01);
@@ -175,17 +174,19 @@ fn told(cloud: &PointCloud, sweeps: &[Sweep], turn_s: f64, turn: Turn) -> PointC
     let mut made = cloud.clone();
     for sweep in sweeps {
         let (lidar_from_clip, returns) = (sweep.clip_from_lidar.inverse(), sweep.returns.clone());
-        let positions = made.positions[returns.clone()].par_iter_mut().with_min_len(GRAIN);
-        let origins = made.origins[returns.clone()].par_iter_mut();
-        positions.zip(origins).zip(&mut made.times[returns]).for_each(|((position, origin), time)| {
-            let seconds = turn.seconds(sweep.azimuth(*position).unwrap_or(0.0), turn_s);
-            let clip_from_then = sweep.clip_from_lidar * sweep.motion.lidar_from_lidar_at(seconds) * lidar_from_clip;
+        let later = |i: usize| turn.seconds(sweep.azimuth(cloud.positions[i]).unwrap_or(0.0), turn_s);
+        let seconds: Vec<f64> = parallel::map(returns.len(), GRAIN, &|k| later(returns.start + k));
+        let (positions, origins) = (&mut made.positions[returns.clone()], &mut made.origins[returns.clone()]);
+        parallel::for_each_pair(positions, origins, GRAIN, &|k, position, origin| {
+            let clip_from_then = sweep.clip_from_lidar * sweep.motion.lidar_from_lidar_at(seconds[k]) * lidar_from_clip;
             let moved = |place: [f32; 3]| {
                 clip_from_then.transform_point(DVec3::from(place.map(f64::from))).to_array().map(to_f32)
             };
             (*position, *origin) = (moved(*position), moved(*origin));
-            *time = to_f32(f64::from(*time) + seconds);
         });
+        for (time, seconds) in made.times[returns].iter_mut().zip(seconds) {
+            *time = to_f32(f64::from(*time) + seconds);
+        }
     }
     made
 }
@@ -194,7 +195,7 @@ fn told(cloud: &PointCloud, sweeps: &[Sweep], turn_s: f64, turn: Turn) -> PointC
 fn disagreement(cloud: &PointCloud, sweeps: &[Sweep]) -> Result<f64> {
     let last = sweeps.len() - 2;
     let pairs: Vec<usize> = if last == 0 { vec![0] } else { vec![0, last] };
-    let mean_distance = |&pair: &usize| {
+    let mean_distance = |pair: usize| -> Result<f64> {
         let [returns, next] = [pair, pair + 1].map(|sweep| sweeps[sweep].returns.clone());
         let own: Vec<u32> = returns.map(|i| u32::try_from(i).unwrap_or(u32::MAX)).collect();
         let ranges = cloud.ranges(&own);
@@ -208,11 +209,12 @@ fn disagreement(cloud: &PointCloud, sweeps: &[Sweep]) -> Result<f64> {
         let compared: Vec<&[f32; 3]> = near.iter().step_by(near.len().div_ceil(MOST).max(1)).collect();
         let space = Space::new(&cloud.positions[next])?;
         let distance =
-            |place: &&[f32; 3]| space.nearest(place, 1).first().map_or(APART, |near| near.squared.sqrt().min(APART));
-        let distances: Vec<f64> = compared.par_iter().with_min_len(64).map(distance).collect();
+            |i: usize| space.nearest(compared[i], 1).first().map_or(APART, |near| near.squared.sqrt().min(APART));
+        let distances: Vec<f64> = parallel::map(compared.len(), 64, &distance);
         Ok(distances.iter().sum::<f64>() / compared.len().max(1) as f64)
     };
-    let found: Vec<f64> = pairs.par_iter().map(mean_distance).collect::<Result<_>>()?;
+    let found = parallel::map(pairs.len(), 1, &|k| mean_distance(pairs[k]));
+    let found: Vec<f64> = found.into_iter().collect::<Result<_>>()?;
     Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)
 }
 

@@ -10,9 +10,10 @@ use rayon::prelude::*;
 
 use crate::gaussians::physical::{Splat, to_physical};
 use crate::gaussians::{GaussianSet, MEAN};
-use crate::loss::Kept;
+use crate::loss::{Kept, counted_pixels};
 use crate::network::normalise::is_carried_away;
-use crate::objective::{BEHIND, counted_pixels};
+use crate::objective::BEHIND;
+use crate::parallel;
 use crate::render::{Device, blended_sums, render, render_for_gradient};
 use crate::views::View;
 
@@ -64,7 +65,7 @@ pub(super) fn step_lengths_with<'v>(
         let length = (agree + prior) / (change + prior);
         if length.is_finite() { to_f32(length.clamp(LENGTHS[0], LENGTHS[1])) } else { 1.0 }
     };
-    sums.par_iter().with_min_len(GRAIN).map(length).collect()
+    parallel::map(sums.len(), GRAIN, &|i| length(&sums[i]))
 }
 
 /// `[N]` sums over the views of the maps of [`agreement`] under the weights of every Gaussian.
@@ -120,10 +121,8 @@ fn agreement(before: &[f32], after: &[f32], view: &View) -> [Vec<f32>; 2] {
 /// # Shapes
 /// `lengths` `[N]`.
 pub fn lengthen(set: &mut GaussianSet, before: &GaussianSet, lengths: &[f32]) {
-    let now = set.attributes.par_iter_mut().zip(&mut set.velocities);
-    let before = before.attributes.par_iter().zip(&before.velocities);
-    let all = now.zip(before).zip(lengths).with_min_len(GRAIN);
-    all.for_each(|(((set_row, set_velocity), (old, old_velocity)), &length)| {
+    parallel::for_each_pair(&mut set.attributes, &mut set.velocities, GRAIN, &|i, set_row, set_velocity| {
+        let (old, old_velocity, length) = (&before.attributes[i], &before.velocities[i], lengths[i]);
         let (mut row, mut velocity) = (*set_row, *set_velocity);
         row.iter_mut().zip(old).for_each(|(new, old)| *new = (*new - old).mul_add(length, *old));
         velocity.iter_mut().zip(old_velocity).for_each(|(new, old)| *new = (*new - old).mul_add(length, *old));

@@ -7,7 +7,6 @@
 //! A Gaussian keeps ten sums over its pixels (`Moments`), from which `project_backward` takes everything else.
 
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::constants::{EXPECTED_DEPTH_EPS, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH};
 use super::forward::TRANSMITTANCE;
@@ -18,6 +17,7 @@ use super::project::Footprint;
 use super::spans::Spans;
 use super::tiles::{TileLists, parts};
 use super::{ImageGradient, MAPS, Rendered, RenderedWithState};
+use crate::parallel;
 
 /// Sums over pixels: `g`, `g dy`, `g dy^2`, `g u`, `g u dy`, `g u^2`, and `w` times the gradients of red, green, blue, depth.
 pub(super) const MOMENTS: usize = 10;
@@ -38,9 +38,11 @@ pub(super) fn moments<const M: usize>(
     let mut all = vec![[0.0_f32; MOMENTS]; lists.intersections.len()];
     let mut sums = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile =
-        by_tile(&mut all, &lists.first_of_tile).into_par_iter().zip(by_tile(&mut sums, &lists.first_of_tile));
-    per_tile.enumerate().filter(|(_, (out, _))| !out.is_empty()).for_each(|(tile, (out, sums))| {
+    let firsts = &lists.first_of_tile;
+    parallel::for_each_pair(&mut by_tile(&mut all, firsts), &mut by_tile(&mut sums, firsts), 1, &|tile, out, sums| {
+        if out.is_empty() {
+            return;
+        }
         let mut room = [0.0_f32; (STATE_PLANES + MAPS) * TILE_PIXELS];
         let (planes, map_planes) = room[..(STATE_PLANES + M) * TILE_PIXELS].split_at_mut(STATE_PLANES * TILE_PIXELS);
         let origin = lists.grid.origin(tile);

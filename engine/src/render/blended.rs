@@ -1,7 +1,6 @@
 //! Maps summed under the blending weights of every Gaussian.
 
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::RenderedWithState;
 use super::backward::{by_tile, last_position, load_maps};
@@ -12,6 +11,7 @@ use super::pixels::{BLOCK, Pixels, fetch};
 use super::project::Footprint;
 use super::spans::Spans;
 use super::tiles::TileLists;
+use crate::parallel;
 
 /// Most maps that one pass over the tiles takes.
 pub const MAPS: usize = 6;
@@ -41,7 +41,7 @@ pub(super) fn over_tiles<const M: usize>(lists: &TileLists, by_intersection: &[[
         }
         sums
     };
-    (0..lists.footprints.len()).into_par_iter().with_min_len(1024).map(of_visible).collect()
+    parallel::map(lists.footprints.len(), 1024, &of_visible)
 }
 
 /// Sums of every intersection of a Gaussian and a tile, in the order of the lists.
@@ -49,8 +49,10 @@ fn entry_sums<const M: usize>(state: &RenderedWithState, maps: &[&[f32]]) -> Vec
     let lists = &state.lists;
     let mut all = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
-    per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
+    parallel::for_each(&mut by_tile(&mut all, &lists.first_of_tile), 1, &|tile, out| {
+        if out.is_empty() {
+            return;
+        }
         let mut planes = [0.0_f32; MAPS * TILE_PIXELS];
         let planes = &mut planes[..M * TILE_PIXELS];
         load_maps(planes, maps, [state.images.width, state.images.height], lists.grid.origin(tile));

@@ -9,7 +9,6 @@
 //! This holds where compositing goes on behind what is opaque: see [`Projection::render_through`](super::Projection::render_through).
 
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::backward::{by_tile, last_position, load_maps};
 use super::blended::over_tiles;
@@ -23,6 +22,7 @@ use super::spans::Spans;
 use super::tiles::TileLists;
 use super::{Rendered, RenderedWithState};
 use crate::ops::lanes::exp2;
+use crate::parallel;
 
 /// What a pixel costs, as far as effects are concerned.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -115,8 +115,10 @@ fn sums_of<const M: usize>(state: &RenderedWithState, costs: &PixelCosts, halvin
     let lists = &state.lists;
     let mut all = vec![[0.0_f32; M]; lists.intersections.len()];
     let arch = pulp::Arch::new();
-    let per_tile = by_tile(&mut all, &lists.first_of_tile).into_par_iter().enumerate();
-    per_tile.filter(|(_, out)| !out.is_empty()).for_each(|(tile, out)| {
+    parallel::for_each(&mut by_tile(&mut all, &lists.first_of_tile), 1, &|tile, out| {
+        if out.is_empty() {
+            return;
+        }
         let mut planes = [0.0_f32; PLANES * TILE_PIXELS];
         load(&mut planes, state, tile, costs);
         let stops = state.stops_of(tile);

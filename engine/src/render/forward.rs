@@ -11,6 +11,7 @@ use super::pixels::{BLOCK, Pixels, fetch, write};
 use super::project::Footprint;
 use super::spans::Spans;
 use super::tiles::{TileGrid, TileLists};
+use crate::parallel;
 
 /// Red, green, blue, depth, transmittance and the list position that ended each pixel.
 pub(super) const PLANES: usize = 6;
@@ -23,7 +24,7 @@ pub(super) const STOP: usize = 5;
 pub(super) fn composite(lists: &TileLists, opaque: f32) -> Vec<f32> {
     let mut tiles = vec![0.0_f32; lists.grid.num_tiles() * PLANES * TILE_PIXELS];
     let arch = pulp::Arch::new();
-    tiles.par_chunks_mut(PLANES * TILE_PIXELS).enumerate().for_each(|(tile, planes)| {
+    parallel::for_chunks(&mut tiles, PLANES * TILE_PIXELS, &|tile, planes| {
         let (intersections, origin) = (lists.intersections_of(tile), lists.grid.origin(tile));
         arch.dispatch(CompositeTile { footprints: &lists.footprints, intersections, origin, planes, opaque });
     });

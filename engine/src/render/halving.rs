@@ -1,12 +1,12 @@
 //! How a Gaussian that is split in two shares its pixels between the halves.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::RenderedWithState;
 use super::project::Projector;
 use crate::gaussians::physical::Splat;
 use crate::gaussians::split::{Halving, axis_of};
+use crate::parallel;
 use crate::views::PinholeView;
 
 /// The axis (0 to 2) of each Gaussian that looks longest in all views together; the longest of its own axes where no view shows it.
@@ -28,7 +28,7 @@ pub fn longest_axes(splats: &[Splat], views: &[&PinholeView]) -> Vec<u8> {
         }
         (0_u8..3).max_by(|&a, &b| seen[usize::from(a)].total_cmp(&seen[usize::from(b)])).unwrap_or(0)
     };
-    splats.par_iter().with_min_len(1024).map(axis).collect()
+    parallel::map(splats.len(), 1024, &|i| axis(&splats[i]))
 }
 
 /// How the halves along `axes` share the pixels of each visible Gaussian: what [`effects`](super::effects) takes.
@@ -41,8 +41,8 @@ pub fn longest_axes(splats: &[Splat], views: &[&PinholeView]) -> Vec<u8> {
 pub fn halving(splats: &[Splat], axes: &[u8], view: &PinholeView, state: &RenderedWithState) -> Vec<[f32; 2]> {
     let projector = Projector::new(view);
     let visible: Vec<usize> = state.visible().collect();
-    let of_visible = |&i: &usize| halving_of(&projector, &splats[i], usize::from(axes[i])).unwrap_or_default();
-    visible.par_iter().with_min_len(1024).map(of_visible).collect()
+    let of = |i: usize| halving_of(&projector, &splats[i], usize::from(axes[i])).unwrap_or_default();
+    parallel::map(visible.len(), 1024, &|v| of(visible[v]))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "f64 to f32 is the purpose")]

@@ -37,9 +37,8 @@ mod spans;
 mod tile_sort;
 mod tiles;
 
-use rayon::prelude::*;
-
 use crate::gaussians::physical::{Splat, SplatGradient};
+use crate::parallel;
 use crate::views::PinholeView;
 pub use blended::{MAPS, blended_sums};
 pub use branch::Projection;
@@ -55,6 +54,9 @@ pub use places::Places;
 use tiles::TileLists;
 
 pub mod reference;
+
+/// Pixels that a thread takes at once.
+const GRAIN: usize = 4096;
 
 /// A rendered image.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,7 +89,12 @@ pub struct ImageGradient {
 impl Rendered {
     /// `[H, W]` expected depth, `depth / max(alpha, 1e-10)`, metres; 0 where nothing was drawn.
     pub fn expected_depth(&self) -> Vec<f32> {
-        self.depth.par_iter().zip(&self.alpha).with_min_len(4096).map(|(d, a)| d / a.max(1e-10)).collect()
+        let mut expected = vec![0.0; self.depth.len()];
+        parallel::for_chunks(&mut expected, GRAIN, &|number, part| {
+            let drawn = self.depth[number * GRAIN..].iter().zip(&self.alpha[number * GRAIN..]);
+            part.iter_mut().zip(drawn).for_each(|(expected, (d, a))| *expected = d / a.max(1e-10));
+        });
+        expected
     }
 }
 

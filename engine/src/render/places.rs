@@ -6,6 +6,7 @@ use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 
 use super::RenderedWithState;
+use crate::parallel;
 
 /// Gaussians that a thread takes at once.
 const GRAIN: usize = 4096;
@@ -38,10 +39,12 @@ impl Places {
     /// # Shapes
     /// `all` at most as many as there are places.
     pub fn each<T: Send>(&self, all: &mut [T], take: impl Fn(&mut T, usize) + Sync) {
-        all.par_iter_mut().zip(&self.0).with_min_len(GRAIN).for_each(|(of_gaussian, place)| {
-            match place.load(Ordering::Relaxed) {
-                NONE => {}
-                place => take(of_gaussian, place as usize),
+        parallel::for_chunks(all, GRAIN, &|number, part| {
+            for (of_gaussian, place) in part.iter_mut().zip(&self.0[number * GRAIN..]) {
+                match place.load(Ordering::Relaxed) {
+                    NONE => {}
+                    place => take(of_gaussian, place as usize),
+                }
             }
         });
     }

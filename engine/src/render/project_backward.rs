@@ -1,12 +1,12 @@
 //! From the moments of a Gaussian to the gradients of its physical values: the chain rule of `project`, in f64.
 
 use glam::{DMat3, DVec2, DVec3};
-use rayon::prelude::*;
 
 use super::backward::{MOMENTS, Moments};
 use super::project::{Projected, Projector};
 use super::tiles::TileLists;
 use crate::gaussians::physical::{Splat, SplatGradient};
+use crate::parallel;
 use crate::views::PinholeView;
 
 /// `[num_visible]` gradients of the visible Gaussians, nearest first.
@@ -17,21 +17,17 @@ pub(super) fn gradients(
     moments: &[Moments],
 ) -> Vec<SplatGradient> {
     let (projector, arch) = (Projector::new(view), pulp::Arch::new());
-    (0..lists.footprints.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|v| {
-            let places_of_splats =
-                &lists.places_of_splats[lists.first_of_splat[v] as usize..lists.first_of_splat[v + 1] as usize];
-            let mut sums = [0.0_f64; MOMENTS];
-            for &place_of_splat in places_of_splats {
-                for (sum, &moment) in sums.iter_mut().zip(&moments[place_of_splat as usize]) {
-                    *sum += f64::from(moment);
-                }
+    parallel::map(lists.footprints.len(), 1024, &|v| {
+        let places_of_splats =
+            &lists.places_of_splats[lists.first_of_splat[v] as usize..lists.first_of_splat[v + 1] as usize];
+        let mut sums = [0.0_f64; MOMENTS];
+        for &place_of_splat in places_of_splats {
+            for (sum, &moment) in sums.iter_mut().zip(&moments[place_of_splat as usize]) {
+                *sum += f64::from(moment);
             }
-            arch.dispatch(|| gradient_of(&projector, &splats[lists.footprints[v].index as usize], &sums))
-        })
-        .collect()
+        }
+        arch.dispatch(|| gradient_of(&projector, &splats[lists.footprints[v].index as usize], &sums))
+    })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "gradients are stored in f32")]

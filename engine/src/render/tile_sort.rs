@@ -5,6 +5,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use lgs_formats::casts::to_u32;
 use rayon::prelude::*;
 
+use crate::parallel;
+
 /// Elements that a thread takes at once.
 pub(super) const CHUNK: usize = 4096;
 /// Runs of Gaussians that each thread sorts.
@@ -20,14 +22,11 @@ const RUNS: usize = 2;
 pub(super) fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, num_tiles: usize) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
     let mut places_of_splats = tiles;
     let mut runs = Run::all(first_of_splat, &mut places_of_splats);
-    let mut counts: Vec<Vec<u32>> = runs
-        .par_iter()
-        .map(|run| {
-            let mut counts = vec![0_u32; num_tiles];
-            run.tiles.iter().for_each(|&tile| counts[tile as usize] += 1);
-            counts
-        })
-        .collect();
+    let mut counts: Vec<Vec<u32>> = parallel::map(runs.len(), 1, &|run| {
+        let mut counts = vec![0_u32; num_tiles];
+        runs[run].tiles.iter().for_each(|&tile| counts[tile as usize] += 1);
+        counts
+    });
     let mut first_of_tile = vec![0_u32; num_tiles + 1];
     for counts in &counts {
         first_of_tile[1..].iter_mut().zip(counts).for_each(|(total, count)| *total += count);
@@ -45,7 +44,7 @@ pub(super) fn by_tile(first_of_splat: &[u32], tiles: Vec<u32>, num_tiles: usize)
     let num: usize = runs.iter().map(|run| run.tiles.len()).sum();
     let empty = (0..num).into_par_iter().with_min_len(CHUNK).map(|_| AtomicU32::new(0));
     let intersections: Vec<AtomicU32> = empty.collect();
-    runs.par_iter_mut().zip(&mut counts).for_each(|(run, next)| run.place(next, &intersections));
+    parallel::for_each_pair(&mut runs, &mut counts, 1, &|_, run, next| run.place(next, &intersections));
     (first_of_tile, places_of_splats, intersections.into_iter().map(AtomicU32::into_inner).collect())
 }
 

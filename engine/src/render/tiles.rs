@@ -9,6 +9,7 @@ use super::constants::{TILE_HEIGHT, TILE_WIDTH};
 use super::project::{Footprint, Projector};
 use super::tile_sort::{CHUNK, by_tile};
 use crate::gaussians::physical::Splat;
+use crate::parallel;
 use crate::views::PinholeView;
 
 /// The tile grid of an image.
@@ -72,49 +73,40 @@ pub(super) fn bin(
 #[expect(clippy::cast_possible_truncation, reason = "a scene holds fewer than 2^32 Gaussians")]
 pub(super) fn visible_by_depth(splats: &[Splat], first: usize, view: &PinholeView) -> Vec<Footprint> {
     let (projector, arch) = (Projector::new(view), pulp::Arch::new());
-    let chunks: Vec<Vec<Footprint>> = splats
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(chunk, splats)| {
-            let mut visible = Vec::with_capacity(splats.len());
-            let start = first + chunk * CHUNK;
-            arch.dispatch(|| {
-                let seen = splats.iter().enumerate().map(|(i, splat)| projector.footprint(splat, (start + i) as u32));
-                seen.for_each(|footprint| visible.extend(footprint));
-            });
-            visible
-        })
-        .collect();
+    let chunks: Vec<Vec<Footprint>> = parallel::map(splats.len().div_ceil(CHUNK), 1, &|chunk| {
+        let splats = &splats[chunk * CHUNK..splats.len().min((chunk + 1) * CHUNK)];
+        let mut visible = Vec::with_capacity(splats.len());
+        let start = first + chunk * CHUNK;
+        arch.dispatch(|| {
+            let seen = splats.iter().enumerate().map(|(i, splat)| projector.footprint(splat, (start + i) as u32));
+            seen.for_each(|footprint| visible.extend(footprint));
+        });
+        visible
+    });
     let visible = chunks.concat();
     // Depths are positive: their bits order as they do. The index in the low half settles ties.
-    let mut keys: Vec<u64> = visible
-        .par_iter()
-        .enumerate()
-        .with_min_len(CHUNK)
-        .map(|(i, f)| u64::from(f.depth.to_bits()) << 32 | i as u64)
-        .collect();
+    let key = |i: usize| u64::from(visible[i].depth.to_bits()) << 32 | i as u64;
+    let mut keys: Vec<u64> = parallel::map(visible.len(), CHUNK, &key);
     keys.par_sort_unstable();
-    keys.par_iter().with_min_len(CHUNK).map(|&key| visible[(key & 0xffff_ffff) as usize]).collect()
+    parallel::map(keys.len(), CHUNK, &|i| visible[(keys[i] & 0xffff_ffff) as usize])
 }
 
 /// Offsets per Gaussian and the tiles that each Gaussian touches.
 pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Vec<u32>, Vec<u32>) {
     let (grid, arch) = (TileGrid::of(view), pulp::Arch::new());
-    let pieces: Vec<(Vec<u32>, Vec<u32>)> = footprints
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            let mut counts = Vec::with_capacity(chunk.len());
-            let mut tiles = Vec::with_capacity(chunk.len() * 4);
-            arch.dispatch(|| {
-                for footprint in chunk {
-                    let before = tiles.len();
-                    push_tiles(footprint, view, grid, &mut tiles);
-                    counts.push(to_u32(tiles.len() - before));
-                }
-            });
-            (counts, tiles)
-        })
-        .collect();
+    let pieces: Vec<(Vec<u32>, Vec<u32>)> = parallel::map(footprints.len().div_ceil(CHUNK), 1, &|chunk| {
+        let chunk = &footprints[chunk * CHUNK..footprints.len().min((chunk + 1) * CHUNK)];
+        let mut counts = Vec::with_capacity(chunk.len());
+        let mut tiles = Vec::with_capacity(chunk.len() * 4);
+        arch.dispatch(|| {
+            for footprint in chunk {
+                let before = tiles.len();
+                push_tiles(footprint, view, grid, &mut tiles);
+                counts.push(to_u32(tiles.len() - before));
+            }
+        });
+        (counts, tiles)
+    });
     let total: usize = pieces.iter().map(|(_, tiles)| tiles.len()).sum();
     let mut first_of_splat = Vec::with_capacity(footprints.len() + 1);
     let mut next = 0;
@@ -125,8 +117,7 @@ pub(super) fn tiles_of_each(footprints: &[Footprint], view: &PinholeView) -> (Ve
     }
     let mut all = vec![0; total];
     let lengths = pieces.iter().map(|(_, tiles)| tiles.len());
-    let parts = parts(&mut all, lengths);
-    parts.into_par_iter().zip(&pieces).for_each(|(part, (_, tiles))| part.copy_from_slice(tiles));
+    parallel::for_each(&mut parts(&mut all, lengths), 1, &|i, part| part.copy_from_slice(&pieces[i].1));
     (first_of_splat, all)
 }
 

@@ -3,10 +3,9 @@
 use image::{ImageError, ImageFormat, codecs::jpeg::JpegEncoder, imageops};
 use lgs_formats::casts::to_u32;
 use lgs_formats::image::{PixelLabel, RgbImage, to_byte};
-use rayon::prelude::*;
 
 use super::colour_maps::{ColourMap, INFERNO, VIRIDIS};
-use crate::{render::Rendered, views::View};
+use crate::{parallel, render::Rendered, views::View};
 
 /// Mean absolute difference of the colour channels (0..=1) that the error picture shows as its brightest colour.
 pub(super) const ERROR_FULL_SCALE: f32 = 0.5;
@@ -75,8 +74,9 @@ pub struct Picture {
 impl Picture {
     fn new(kind: PictureKind, width: usize, height: usize, colour: impl Fn(usize) -> [u8; 3] + Sync) -> Self {
         let mut pixels = image::RgbImage::new(to_u32(width), to_u32(height));
-        let each = pixels.par_chunks_exact_mut(3).with_min_len(GRAIN).enumerate();
-        each.for_each(|(i, pixel)| pixel.copy_from_slice(&colour(i)));
+        parallel::for_chunks(&mut pixels, 3 * GRAIN, &|piece, pixels| {
+            (piece * GRAIN..).zip(pixels.as_chunks_mut::<3>().0).for_each(|(i, pixel)| *pixel = colour(i));
+        });
         Self { kind, pixels }
     }
 

@@ -1,10 +1,10 @@
 //! Views from a clip directory.
 
 use lgs_formats::{camera_motion::CameraMotion, clip_dir::ClipDir, sweep::Sweep};
-use rayon::prelude::*;
 
 use super::{ClipFrame, DepthSample, PinholeView, Role, Selection, Shutter, View, selection::SelectedImage, strays};
 use crate::error::{EngineError, Result};
+use crate::parallel;
 
 /// Returns that a thread projects at once.
 const GRAIN: usize = 1024;
@@ -22,12 +22,13 @@ pub(crate) fn load_views(
     progress: &(dyn Fn() + Sync),
 ) -> Result<Vec<View>> {
     let images = selection.images(dir.clip())?;
-    let load = |image: &SelectedImage| {
-        let view = load_view(dir, image, selection, frame);
+    let images: Vec<&SelectedImage> = images.iter().filter(|image| image.role == role).collect();
+    let load = |i: usize| {
+        let view = load_view(dir, images[i], selection, frame);
         progress();
         view
     };
-    images.par_iter().filter(|image| image.role == role).map(load).collect()
+    parallel::map(images.len(), 1, &load).into_iter().collect()
 }
 
 fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame: &ClipFrame) -> Result<View> {
@@ -63,8 +64,7 @@ fn load_view(dir: &ClipDir, image: &SelectedImage, selection: &Selection, frame:
 /// # Errors
 /// When a coordinate is not finite.
 fn surfaces(view: &PinholeView, points: &[[f32; 3]], sweep: &Sweep) -> Result<Vec<[f32; 3]>> {
-    let returns = (0..points.len()).into_par_iter().with_min_len(GRAIN);
-    let seen: Vec<usize> = returns.filter(|&i| view.project(points[i]).is_some()).collect();
+    let seen = parallel::filter_map(points.len(), GRAIN, &|i| view.project(points[i]).map(|_| i));
     let origin = |&i: &usize| sweep.origins.as_ref().map_or([0.0; 3], |origins| origins[i]);
     let own: Vec<[f32; 3]> = seen.iter().map(|&i| sweep.points[i]).collect();
     let strays = strays(&own, &seen.iter().map(origin).collect::<Vec<_>>())?;
@@ -86,8 +86,7 @@ pub(crate) fn depth_samples(view: &PinholeView, points: &[[f32; 3]]) -> Result<V
         });
     }
     let mut nearest = vec![f32::INFINITY; view.num_pixels()]; // [H, W]
-    let seen: Vec<_> = points.par_iter().with_min_len(GRAIN).filter_map(|&point| view.project(point)).collect();
-    for at in seen {
+    for at in parallel::filter_map(points.len(), GRAIN, &|i| view.project(points[i])) {
         let cell = &mut nearest[at.pixel(view.width)];
         *cell = cell.min(at.depth);
     }

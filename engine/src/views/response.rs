@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use lgs_formats::image::RgbImage;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{PinholeView, Role, View};
+use crate::parallel;
 
 /// Least colour that a power is taken of: half a step of eight bits.
 const DARKEST: f32 = 0.5 / 255.0;
@@ -93,7 +93,7 @@ impl Response {
     }
 
     fn each(self, rgb: &mut [f32], pinhole: &PinholeView, change: impl Fn(f32, f32) -> f32 + Sync) {
-        rgb.par_chunks_mut(3 * pinhole.width).enumerate().for_each(|(row, pixels)| {
+        parallel::for_chunks(rgb, 3 * pinhole.width, &|row, pixels| {
             for (column, pixel) in pixels.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 let vignette = self.vignette(off_axis(pinhole, column as f32 + 0.5, row as f32 + 0.5));
                 for (value, gain) in pixel.iter_mut().zip(self.gain) {

@@ -4,15 +4,15 @@ use std::borrow::Cow;
 
 use lgs_formats::casts::to_f32;
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
-use rayon::prelude::*;
 
 use super::{DepthSample, PinholeView, View};
+use crate::parallel;
 
 /// `views`, each `factor` times smaller in width and height; nothing is copied for a factor of 1.
 pub(crate) fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {
     match factor {
         0 | 1 => views.iter().map(|&view| Cow::Borrowed(view)).collect(),
-        _ => views.par_iter().map(|view| Cow::Owned(view.reduced(factor))).collect(),
+        _ => parallel::map(views.len(), 1, &|k| Cow::Owned(views[k].reduced(factor))),
     }
 }
 

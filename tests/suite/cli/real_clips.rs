@@ -51,7 +51,8 @@ fn runs_the_full_network(real: &RealRun) -> Outcome {
     let place = tempfile::tempdir()?;
     let out = |threads: &str| place.path().join(threads);
     for threads in ["1", "2"] {
-        let flags = ["--weights", "random:models/full.json", "--views", "none", "--threads", threads];
+        let full = ["--weights", "random:models/full.json", "--refine-steps", "1"];
+        let flags = [full.as_slice(), &["--views", "none", "--threads", threads]].concat();
         let page = infer(real, &out(threads), &flags)?;
         metrics::expect_network_keys(&page)?;
         let memory = page["peak_rss_mb"].as_f64().unwrap_or(0.0);

@@ -218,7 +218,7 @@ fn steps_of_adam_are_those_of_its_formula() -> Outcome {
     let mut adam = Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() });
     let rates = [[8e-3; 3].as_slice(), &[1e-3; 4], &[0.1; 4], &[1e-2; 3], &[2e-2; 3]].concat();
     let mut moments = vec![[[0.0_f64; 2]; 17]; set.len()];
-    for step in 1..=4 {
+    for step in 1..=3 {
         let wanted = Wanted { gradient: true, device, ..Wanted::default() };
         let gradient = objective_with(&set, &views, &LossWeights::default(), wanted).gradient;
         let before = set.clone();
@@ -257,7 +257,7 @@ fn optimised(set: &GaussianSet, views: &[View; 2], device: Device, steps: usize)
 fn steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do() -> Outcome {
     let (set, views) = scene(LOOK);
     let runs: Vec<_> =
-        (0..5).map(|_| Ok(optimised(&set, &views, on_gpu()?, 10))).collect::<Result<_, libtest_mimic::Failed>>()?;
+        (0..3).map(|_| Ok(optimised(&set, &views, on_gpu()?, 6))).collect::<Result<_, libtest_mimic::Failed>>()?;
     for (other, losses) in &runs[1..] {
         same_bits("parameters", other.attributes.as_flattened(), runs[0].0.attributes.as_flattened())?;
         same_bits("velocities", other.velocities.as_flattened(), runs[0].0.velocities.as_flattened())?;
@@ -265,8 +265,8 @@ fn steps_of_adam_repeat_to_the_bit_and_end_where_the_cpus_do() -> Outcome {
             return Err(format!("losses {losses:?} and {:?}", runs[0].1).into());
         }
     }
-    let (got, (_, want)) = (&runs[0].1, optimised(&set, &views, Device::Cpu, 10));
-    if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-5 * want) || want[9] > 0.95 * want[0] {
+    let (got, (_, want)) = (&runs[0].1, optimised(&set, &views, Device::Cpu, 6));
+    if got.iter().zip(&want).any(|(got, want)| (got - want).abs() > 1e-5 * want) || want[5] > 0.97 * want[0] {
         return Err(format!("losses {got:?}, by the CPU {want:?}").into());
     }
     Ok(())

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use lgs_formats::clip_dir::ClipDir;
 use lgs_formats::sweep::read_sweep;
-use lgs_tests::process::{binary, run};
 use lgs_tests::{Outcome, case, clips, metrics};
 use libtest_mimic::{Failed, Trial};
+
+use crate::street;
 
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
@@ -23,8 +24,6 @@ pub(crate) fn cases() -> Vec<Trial> {
 
 /// Largest loss of PSNR, decibels, and of depth, metres.
 const MOST: f64 = 0.1;
-/// The model that ships, and none.
-const WEIGHTS: [&str; 2] = ["none", "tiny"];
 
 /// Numbers from 0 to 1 that look like chance.
 fn share(index: usize, step: f32) -> f32 {
@@ -85,26 +84,14 @@ fn with(more: More<'_>, place: &Path) -> Result<PathBuf, Failed> {
     Ok(copy)
 }
 
-/// What a run found of a clip, by the weights of one of [`WEIGHTS`].
-fn found(clip: &Path, weights: &str, place: &Path) -> Result<serde_json::Value, Failed> {
-    let out = place.join("scene");
-    let flags = ["--hold-out", "odd", "--weights", weights, "--out"];
-    let mut arguments = vec![clip.as_os_str()];
-    arguments.extend(flags.iter().map(|flag| flag.as_ref() as &std::ffi::OsStr));
-    arguments.push(out.as_os_str());
-    run(&binary("lgs-infer")?, &arguments, place)?.expect_success()?;
-    Ok(metrics::read(&out)?)
-}
-
 fn changes_nothing(kind: &str, more: More<'_>) -> Outcome {
     let place = tempfile::tempdir()?;
     let clip = with(more, place.path())?;
-    for weights in WEIGHTS {
-        let [want, got] = [clips::street(), clip.clone()].map(|clip| found(&clip, weights, place.path()));
-        let (want, got) = (want?, got?);
+    for (weights, want) in [("none", street::without_network()?), ("tiny", street::with_network()?)] {
+        let got = street::found_of(&clip, &["--weights", weights])?;
         let [psnr, dmae] = ["psnr", "dmae"].map(|figure| {
             let value = |found| metrics::number(found, &["mean", "held_out", figure]);
-            value(&got).and_then(|got| Ok(got - value(&want)?))
+            value(&got).and_then(|got| Ok(got - value(want)?))
         });
         let (psnr, dmae) = (psnr?, dmae?);
         if psnr < -MOST || dmae > MOST {
@@ -119,7 +106,6 @@ fn changes_nothing(kind: &str, more: More<'_>) -> Outcome {
 }
 
 fn a_street_has_none() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let found = found(&clips::street(), "none", place.path())?;
+    let found = street::without_network()?;
     if found["dropped_returns"].is_null() { Ok(()) } else { Err(found["dropped_returns"].to_string().into()) }
 }

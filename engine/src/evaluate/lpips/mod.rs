@@ -11,11 +11,11 @@ use std::path::Path;
 
 use candle_core::Tensor;
 use lgs_formats::image::RgbImage;
-use rayon::prelude::*;
 
 use crate::{
     error::{EngineError, Result},
     ops::DEVICE,
+    parallel,
 };
 use weights::WeightReader;
 
@@ -196,7 +196,7 @@ fn layer_distance(features: &Tensor, head: &[f32]) -> Result<f64> {
     let positions = height * width;
     let values = features.flatten_all()?.to_vec1::<f32>()?;
     let (a, b) = values.split_at(channels * positions);
-    let rows = (0..height).into_par_iter().map(|row| {
+    let rows = parallel::map(height, 1, &|row| {
         let at = |image: &[f32], channel: usize, x: usize| image[channel * positions + row * width + x];
         let mut norms = vec![[0.0_f32; 2]; width];
         for channel in 0..channels {
@@ -214,7 +214,6 @@ fn layer_distance(features: &Tensor, head: &[f32]) -> Result<f64> {
         }
         sum
     });
-    let rows: Vec<f64> = rows.collect();
     Ok(rows.iter().sum::<f64>() / positions as f64)
 }
 

@@ -1,7 +1,6 @@
 //! What is behind the pixels of the input views, turned to Gaussians one kind after another.
 
 use lgs_formats::casts::to_u32;
-use rayon::prelude::*;
 
 use super::{
     Sheet, backstop,
@@ -12,6 +11,7 @@ use super::{
 };
 use crate::{
     gaussians::{Coarseness, Gaussian, GaussianSet, NUM_ATTRIBUTES, mean_of},
+    parallel,
     points::{PointCloud, samples_at},
     views::{PinholeView, View},
 };
@@ -35,12 +35,12 @@ impl<'a> Backdrop<'a> {
     /// That of `views`, of whose pixels the moving Gaussians of `set` cover some.
     pub(super) fn new(views: Vec<&'a View>, sheets: Vec<Sheet>, set: &GaussianSet) -> Self {
         let shapes = Shape::moving(set);
-        let covered = |view: &&View| {
-            let mut coverage = Coverage::new(&view.pinhole);
-            coverage.add(&view.pinhole, &shapes);
+        let covered = |k: usize| {
+            let mut coverage = Coverage::new(&views[k].pinhole);
+            coverage.add(&views[k].pinhole, &shapes);
             coverage
         };
-        let coverages = views.par_iter().map(covered).collect();
+        let coverages = parallel::map(views.len(), 1, &covered);
         Self { doubtful: vec![Vec::new(); views.len()], views, sheets, coverages }
     }
 
@@ -120,8 +120,8 @@ impl<'a> Backdrop<'a> {
                 }
             }
         }
-        let behind = |(view, sheet): (&&View, &Sheet)| backstop::rows(view, sheet, coarseness);
-        let behind: Vec<_> = self.views.par_iter().zip(&self.sheets).map(behind).collect();
+        let behind = |k: usize| backstop::rows(self.views[k], &self.sheets[k], coarseness);
+        let behind = parallel::map(self.views.len(), 1, &behind);
         self.views.iter().zip(behind).for_each(|(view, rows)| append(set, view, rows));
     }
 
@@ -131,8 +131,7 @@ impl<'a> Backdrop<'a> {
     }
 
     fn cover(&mut self, shapes: &[Shape]) {
-        let views = self.views.par_iter().zip(&mut self.coverages);
-        views.for_each(|(view, coverage)| coverage.add(&view.pinhole, shapes));
+        parallel::for_each(&mut self.coverages, 1, &|k, coverage| coverage.add(&self.views[k].pinhole, shapes));
     }
 }
 

@@ -1,10 +1,9 @@
 //! A coarse layer behind everything, for the cracks that open when a view is rendered from beside its inputs.
 
-use rayon::prelude::*;
-
 use super::{Sheet, depth::Trust, is_ignored};
 use crate::{
     gaussians::{Coarseness, NUM_ATTRIBUTES, initial::row},
+    parallel,
     views::{Projected, View},
 };
 
@@ -60,7 +59,7 @@ impl Grid {
     fn finest(view: &View, sheet: &Sheet) -> Self {
         let [columns, rows] = [view.pinhole.width, view.pinhole.height].map(|size| size.div_ceil(BLOCK));
         let cell = |i: usize| of_block(view, sheet, i / columns * BLOCK, i % columns * BLOCK);
-        let cells = (0..columns * rows).into_par_iter().with_min_len(GRAIN).map(cell).collect();
+        let cells = parallel::map(columns * rows, GRAIN, &cell);
         Self { side: BLOCK, columns, cells }
     }
 

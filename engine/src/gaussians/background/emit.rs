@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{
     Sheet,
     blocks::{Block, blocks},
@@ -16,6 +14,7 @@ use crate::{
         disc::{put, sigmas},
         initial::row,
     },
+    parallel,
     points::sample,
     views::{Projected, View},
 };
@@ -54,7 +53,7 @@ pub(super) fn rows(
     let is_open = |pixel: usize| sheet.trust[pixel] == trust && coverage.shows(pixel);
     let sources = if trust == Trust::Confirmed { sources } else { &[] };
     let blocks = blocks(view, sheet, rows, is_open, coarseness.of_image(view.pinhole.num_pixels()));
-    blocks.par_iter().with_min_len(GRAIN).map(|block| of_block(view, block, sources)).collect()
+    parallel::map(blocks.len(), GRAIN, &|i| of_block(view, &blocks[i], sources))
 }
 
 /// The Gaussian of a rectangle: as wide as it, along the plane of its depths, in the mean of its colours.

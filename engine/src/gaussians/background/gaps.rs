@@ -7,7 +7,10 @@
 //! Gortler et al., The lumigraph, 1996 (pull-push); inverse depth because planes are linear in it.
 
 use super::{Sheet, depth::Trust, slant};
-use crate::views::{DepthSample, View};
+use crate::{
+    parallel,
+    views::{DepthSample, View},
+};
 
 /// Weight at which a block's own returns count fully, returns.
 const ENOUGH: f32 = 1.0;
@@ -22,8 +25,7 @@ struct Grid {
 
 /// Inverse depths of the views' pixels, nowhere farther than `radius` metres.
 pub(super) fn sheets(views: &[&View], radius: f32) -> Vec<Sheet> {
-    use rayon::prelude::*;
-    views.par_iter().map(|view| sheet(view, radius)).collect()
+    parallel::map(views.len(), 1, &|i| sheet(views[i], radius))
 }
 
 fn sheet(view: &View, radius: f32) -> Sheet {

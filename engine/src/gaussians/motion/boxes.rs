@@ -2,12 +2,11 @@
 
 use glam::{DMat3, DVec3};
 use lgs_formats::pose::Pose;
-use rayon::prelude::*;
 
 use super::{Flow, Movement};
 use lgs_formats::casts::to_f32;
 
-use crate::points::PointCloud;
+use crate::{parallel, points::PointCloud};
 
 /// How far outside of a box its returns may be, metres: labels are about so exact.
 const MARGIN: f64 = 0.1;
@@ -33,15 +32,13 @@ pub struct MovingBox {
 pub(crate) fn boxed(cloud: &PointCloud, boxes: &[MovingBox]) -> Movement {
     let mut movement = Movement::none(cloud.len());
     let flows: Vec<(&MovingBox, Flow)> = boxes.iter().filter_map(|own| Some((own, flow(own, boxes)?))).collect();
-    let inside: Vec<Vec<usize>> = flows
-        .par_iter()
-        .map(|(own, _)| {
-            let start = cloud.frames.partition_point(|&frame| frame < own.frame);
-            let end = cloud.frames.partition_point(|&frame| frame <= own.frame);
-            let box_from_clip = own.clip_from_box.inverse();
-            (start..end).filter(|&point| own.holds(&box_from_clip, cloud.positions[point])).collect()
-        })
-        .collect();
+    let inside: Vec<Vec<usize>> = parallel::map(flows.len(), 1, &|k| {
+        let own = flows[k].0;
+        let start = cloud.frames.partition_point(|&frame| frame < own.frame);
+        let end = cloud.frames.partition_point(|&frame| frame <= own.frame);
+        let box_from_clip = own.clip_from_box.inverse();
+        (start..end).filter(|&point| own.holds(&box_from_clip, cloud.positions[point])).collect()
+    });
     for ((_, flow), inside) in flows.into_iter().zip(inside).filter(|(_, inside)| !inside.is_empty()) {
         movement.add(cloud, flow, inside.into_iter());
     }

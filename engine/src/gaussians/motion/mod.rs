@@ -26,10 +26,9 @@ mod tests;
 
 pub use self::boxes::MovingBox;
 pub(crate) use self::{boxes::boxed, delays::best_delay, outlines::best_times};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{points::PointCloud, views::View, words::Words};
+use crate::{parallel, points::PointCloud, views::View, words::Words};
 
 /// Where the velocities of the initial Gaussians come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -135,10 +134,8 @@ pub fn registered(cloud: &PointCloud, views: &[View]) -> Movement {
     let eyes = eyes::Eyes::of(views, &frames, STEADY);
     let movers = movers::movers(&score::Scorer { sweeps: &sweeps, eyes: &eyes });
     let own = own_vehicle::own(cloud, &runs, &sweeps);
-    let spread = |(index, run): (usize, &std::ops::Range<usize>)| {
-        spread::spread(&cloud.positions[run.clone()], &sweeps[index], &movers, index)
-    };
-    let of_returns: Vec<Vec<Option<usize>>> = runs.par_iter().enumerate().map(spread).collect();
+    let spread = |index: usize| spread::spread(&cloud.positions[runs[index].clone()], &sweeps[index], &movers, index);
+    let of_returns: Vec<Vec<Option<usize>>> = parallel::map(runs.len(), 1, &spread);
     for ((index, run), of_return) in runs.iter().enumerate().zip(of_returns) {
         for (label, mover) in movers.iter().enumerate() {
             let own = || (run.start..run.end).filter(|&point| of_return[point - run.start] == Some(label));

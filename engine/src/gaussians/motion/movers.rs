@@ -1,7 +1,5 @@
 //! Things that move: which sites of which sweeps they are, and how they move.
 
-use rayon::prelude::*;
-
 use super::{
     region::{Region, grow},
     rigid::{Rigid, refined},
@@ -9,6 +7,7 @@ use super::{
     search::{AROUND, FASTEST, candidates, climb, seeds, some_of},
     sweeps::{Other, Sweep},
 };
+use crate::parallel;
 
 /// Seeds that are looked at side by side, the largest first: what they are found to be a part of is then known to the others.
 const AT_ONCE: usize = 12;
@@ -66,7 +65,7 @@ pub(super) fn movers(scorer: &Scorer<'_>) -> Vec<Mover> {
     let sweeps = scorer.sweeps;
     let still = |sweep: usize| {
         let site_score = |site: usize| scorer.score(sweep, site, [0.0; 2], Matching::FINE);
-        (0..sweeps[sweep].sites.len()).into_par_iter().map(site_score).collect()
+        parallel::map(sweeps[sweep].sites.len(), 1, &site_score)
     };
     let mut search = Search {
         scorer,
@@ -81,7 +80,7 @@ pub(super) fn movers(scorer: &Scorer<'_>) -> Vec<Mover> {
     let mut found = Vec::new();
     while !left.is_empty() {
         let some: Vec<(usize, Vec<usize>)> = left.drain(..AT_ONCE.min(left.len())).collect();
-        let mut guesses: Vec<Guess> = some.par_iter().filter_map(|(sweep, seed)| search.guess(*sweep, seed)).collect();
+        let mut guesses: Vec<Guess> = parallel::filter_map(some.len(), 1, &|k| search.guess(some[k].0, &some[k].1));
         guesses.sort_by(|a, b| b.region.gain.total_cmp(&a.region.gain));
         for guess in guesses {
             if search.is_free(guess.sweep, &guess.region.sites)
@@ -112,7 +111,8 @@ impl Search<'_> {
     fn guess(&self, sweep: usize, seed: &[usize]) -> Option<Guess> {
         let grown = |velocity: [f32; 2]| Guess { sweep, velocity, region: self.grown(sweep, velocity, seed) };
         let better = |a: Guess, b: Guess| if b.region.gain > a.region.gain { b } else { a };
-        let grown: Vec<Guess> = candidates(self.scorer, sweep, seed).into_par_iter().map(grown).collect();
+        let velocities = candidates(self.scorer, sweep, seed);
+        let grown: Vec<Guess> = parallel::map(velocities.len(), 1, &|k| grown(velocities[k]));
         grown.into_iter().reduce(better).filter(|guess| guess.region.sure > 0)
     }
 
@@ -127,7 +127,8 @@ impl Search<'_> {
         for round in 0..=ROUNDS {
             // Every sweep over which the velocity holds, not only those that are compared.
             let before = &regions[guess.sweep];
-            let again = |(index, other): (usize, &Sweep)| {
+            let again = |index: usize| {
+                let other = &sweeps[index];
                 let seconds = other.time - own.time;
                 let compared = index != guess.sweep && seconds.abs() <= last + SAME_TIME;
                 compared.then(|| {
@@ -135,7 +136,7 @@ impl Search<'_> {
                     self.grown(index, velocity, &seeds)
                 })
             };
-            let again: Vec<Option<Region>> = sweeps.par_iter().enumerate().map(again).collect();
+            let again: Vec<Option<Region>> = parallel::map(sweeps.len(), 1, &again);
             for (region, again) in regions.iter_mut().zip(again) {
                 if let Some(again) = again {
                     *region = again;
@@ -153,11 +154,11 @@ impl Search<'_> {
         }
         let speed = velocity[0].hypot(velocity[1]);
         let moves = (MOVED / last..=FASTEST).contains(&speed) && self.convinces(&regions, velocity, &own.others);
-        let part = |(sweep, Region { sites, .. }): (usize, Region)| {
-            let rigid = refined(scorer, sweep, &sites, velocity);
-            (sites, rigid)
-        };
-        moves.then(|| Mover { parts: regions.into_par_iter().enumerate().map(part).collect() })
+        moves.then(|| {
+            let part = |sweep: usize| refined(scorer, sweep, &regions[sweep].sites, velocity);
+            let rigid: Vec<Rigid> = parallel::map(regions.len(), 1, &part);
+            Mover { parts: regions.into_iter().map(|region| region.sites).zip(rigid).collect() }
+        })
     }
 
     /// Whether these regions surely move so: enough of them, seen again by enough of the other sweeps, and nowhere seen through.

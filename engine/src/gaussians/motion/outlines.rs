@@ -6,10 +6,10 @@
 use std::collections::BTreeMap;
 
 use lgs_formats::casts::whole;
-use rayon::prelude::*;
 
 use super::{Movement, STANDS};
 use crate::{
+    parallel,
     points::{PointCloud, moved, sample},
     views::{Projected, View},
 };
@@ -63,7 +63,8 @@ pub(super) struct Outermost<'a> {
 
 /// The ends of what moves in all views.
 pub(super) fn outermosts<'a>(cloud: &PointCloud, movement: &Movement, views: &'a [View]) -> Vec<Outermost<'a>> {
-    views.par_iter().flat_map_iter(|view| outermost(cloud, movement, view)).collect()
+    let of_views = parallel::map(views.len(), 1, &|i| outermost(cloud, movement, &views[i]));
+    of_views.into_iter().flatten().collect()
 }
 
 /// The ends of what moves in every row of a view, by the returns of its own sweep. Rows are as high as beams are apart: in lower ones a line of

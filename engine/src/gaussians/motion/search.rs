@@ -1,13 +1,13 @@
 //! Where something may move, and how fast it may.
 
 use lgs_formats::casts::whole;
-use rayon::prelude::*;
 
 use super::{
     score::{Matching, Scorer},
     sites::Sites,
     sweeps::{Still, Sweep},
 };
+use crate::parallel;
 
 /// Fastest speed that is looked for, metres a second.
 pub(super) const FASTEST: f32 = 40.0;
@@ -79,7 +79,7 @@ pub(super) fn candidates(scorer: &Scorer<'_>, from: usize, sites: &[usize]) -> V
         let near = climb(near, [STEPS[0] / last; 2], STEPS[1] / STEPS[0], &AROUND, fine);
         (near, scorer.total(from, &sites, near, Matching::FINE))
     };
-    let mut found: Vec<([f32; 2], f64)> = starts.into_par_iter().map(follow).collect();
+    let mut found: Vec<([f32; 2], f64)> = parallel::map(starts.len(), 1, &|k| follow(starts[k]));
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut kept: Vec<[f32; 2]> = Vec::new();
     for (v, _) in found {
@@ -118,7 +118,7 @@ fn coarse(step: f32, least: f64, value: impl Fn([f32; 2]) -> f64 + Sync) -> Vec<
     let velocity = |at: usize| [at % side, at / side].map(|k| (k as f32 - reach as f32) * step);
     let possible = |[x, y]: [f32; 2]| x * x + y * y <= FASTEST * FASTEST;
     let value_at = |at: usize| if possible(velocity(at)) { value(velocity(at)) } else { 0.0 };
-    let values: Vec<f64> = (0..side * side).into_par_iter().with_min_len(GRAIN).map(value_at).collect();
+    let values: Vec<f64> = parallel::map(side * side, GRAIN, &value_at);
     let neighbours = |at: usize| {
         let (x, y) = (at % side, at / side);
         let rows = y.saturating_sub(1)..(y + 2).min(side);
@@ -152,10 +152,10 @@ pub(super) fn climb<const N: usize>(
     while share >= last {
         for _ in 0..MAX_STEPS {
             let before = best;
-            let next = |direction: &[f32; N]| -> [f32; N] {
-                std::array::from_fn(|k| before[k] + share * first[k] * direction[k])
-            };
-            let found: Vec<([f32; N], f64)> = directions.par_iter().map(next).map(|next| (next, value(next))).collect();
+            let found: Vec<([f32; N], f64)> = parallel::map(directions.len(), 1, &|direction| {
+                let next = std::array::from_fn(|k| before[k] + share * first[k] * directions[direction][k]);
+                (next, value(next))
+            });
             for (next, found) in found {
                 if found > highest {
                     (best, highest) = (next, found);

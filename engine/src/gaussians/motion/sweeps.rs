@@ -1,14 +1,12 @@
 //! A sweep as registration sees it.
 
-use rayon::prelude::*;
-
 use super::{
     ground::{Ground, Lowest},
     masks::Mask,
     rays::{Look, Rays},
     sites::{REACH, Sites},
 };
-use crate::points::PointCloud;
+use crate::{parallel, points::PointCloud};
 
 /// Seconds between sweeps over which a velocity counts as constant.
 const STEADY: f32 = 0.65;
@@ -89,8 +87,7 @@ pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Ve
     };
     let times: Vec<f32> = runs.iter().map(mean).collect();
     let points = |index: usize| &cloud.positions[runs[index].clone()];
-    let lowest: Vec<Lowest> =
-        (0..runs.len()).into_par_iter().map(|index| Lowest::of(points(index), origins[index], REACH)).collect();
+    let lowest: Vec<Lowest> = parallel::map(runs.len(), 1, &|index| Lowest::of(points(index), origins[index], REACH));
     let prepared = |index: usize| {
         let (others, origin) = (others(&times, index), origins[index]);
         let ground = Ground::of(&lowest[index], others.iter().map(|other| &lowest[other.sweep]));
@@ -99,14 +96,13 @@ pub(super) fn prepare(cloud: &PointCloud, runs: &[std::ops::Range<usize>]) -> Ve
         let all = Mask::of(&sites.sites, origin, |_| true);
         Sweep { masks: [all.clone(), all], still: Vec::new(), origin, time: times[index], rays, sites, others, ground }
     };
-    let mut sweeps: Vec<Sweep> = (0..runs.len()).into_par_iter().map(prepared).collect();
-    let still: Vec<Vec<Still>> = (0..sweeps.len())
-        .into_par_iter()
-        .map(|sweep| (0..sweeps[sweep].sites.len()).into_par_iter().map(|site| still(&sweeps, sweep, site)).collect())
-        .collect();
-    sweeps.par_iter_mut().zip(still).zip(&origins).for_each(|((sweep, still), &origin)| {
-        sweep.masks[1] = Mask::of(&sweep.sites.sites, origin, |site| still[site].share < 0.75);
-        sweep.still = still;
+    let mut sweeps: Vec<Sweep> = parallel::map(runs.len(), 1, &prepared);
+    let mut still: Vec<Vec<Still>> = parallel::map(sweeps.len(), 1, &|sweep| {
+        parallel::map(sweeps[sweep].sites.len(), 1, &|site| still(&sweeps, sweep, site))
+    });
+    parallel::for_each_pair(&mut sweeps, &mut still, 1, &|index, sweep, still| {
+        sweep.masks[1] = Mask::of(&sweep.sites.sites, origins[index], |site| still[site].share < 0.75);
+        sweep.still = std::mem::take(still);
     });
     sweeps
 }

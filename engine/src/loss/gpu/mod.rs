@@ -216,8 +216,7 @@ pub(crate) fn residual(work: &mut Work<'_>, truth: &Truth, drawn: &Drawn) -> Res
 /// # Errors
 /// Where the GPU has not so much room.
 pub(crate) fn colours_before(work: &mut Work<'_>, image: &[f32]) -> Result<Buffer, GpuError> {
-    let colours: Vec<[f32; 4]> = image.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
-    work.upload("colours before", &colours)
+    work.upload("colours before", &in_fours(image))
 }
 
 /// Maps of what is wanted of a step times what it does to the colours `before` (`[H, W, 4]`), and of the square of the latter.
@@ -246,14 +245,18 @@ fn pixel_gradients(work: &mut Work<'_>, truth: &Truth) -> Result<Buffer, GpuErro
 
 /// `[H, W, 4]` true colours; `LiDAR` depth, 0 where there is none, -1 where the pixel is ignored.
 pub(super) fn packed(view: &View) -> Vec<[f32; 4]> {
-    let mut pixels: Vec<[f32; 4]> =
-        view.image.data.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+    let mut pixels = in_fours(&view.image.data);
     view.depth_samples.iter().for_each(|sample| pixels[sample.pixel as usize][3] = sample.depth);
     if let Some(labels) = &view.labels {
         let ignored = pixels.iter_mut().zip(labels).filter(|(_, label)| **label == PixelLabel::Ignored);
         ignored.for_each(|(pixel, _)| pixel[3] = -1.0);
     }
     pixels
+}
+
+/// `[H, W, 4]` of `[H, W, 3]` colours, the fourth 0.
+fn in_fours(image: &[f32]) -> Vec<[f32; 4]> {
+    image.as_chunks::<3>().0.par_iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect()
 }
 
 fn similarity_constants() -> String {

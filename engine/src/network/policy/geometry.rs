@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::config::PolicyConfig;
 use crate::error::Result;
 use crate::ops::attention::Patches;
 use crate::ops::segment::Segments;
 use crate::ops::serialization;
 use crate::ops::sparse_conv::{KernelMap, Sites};
+use crate::parallel;
 
 /// The voxels of a scene as the policy sees them, finest stage first.
 #[derive(Clone, Debug)]
@@ -115,11 +114,13 @@ fn origins(sites: &Sites, num_stages: usize) -> Vec<[i32; 3]> {
 
 /// Coordinates of a stage's voxels from the origin of their cloud on.
 fn relative(sites: &Sites, origins: &[[i32; 3]], shift: u32) -> Vec<[i32; 4]> {
-    let relative_to = |&[batch, x, y, z]: &[i32; 4]| {
+    let coords = sites.coords();
+    let relative_to = |i: usize| {
+        let [batch, x, y, z] = coords[i];
         let [ox, oy, oz] = origins[usize::try_from(batch).unwrap_or(0)].map(|c| c >> shift);
         [batch, x - ox, y - oy, z - oz]
     };
-    sites.coords().par_iter().with_min_len(1 << 14).map(relative_to).collect()
+    parallel::map(coords.len(), 1 << 14, &relative_to)
 }
 
 /// Number of voxels of every cloud.

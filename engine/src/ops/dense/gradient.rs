@@ -1,9 +1,9 @@
 //! Gradients by weights and bias: sums over all rows, in f64 over pieces of fixed size.
 
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::kernel::PANEL;
+use crate::parallel;
 
 /// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
 const PIECE: usize = 1 << 13;
@@ -15,16 +15,14 @@ const SHORT: usize = 256;
 /// # Shapes
 /// `x` `[N, inputs]`, `v_out` `[N, outputs]`.
 pub(super) fn by_parameters(x: &[f32], v_out: &[f32], inputs: usize, outputs: usize) -> (Vec<f32>, Vec<f32>) {
-    let pieces: Vec<(Vec<f64>, Vec<f64>)> = v_out
-        .par_chunks(PIECE * outputs)
-        .enumerate()
-        .map(|(piece, v_out)| {
-            let x = &x[piece * PIECE * inputs..][..v_out.len() / outputs * inputs];
-            let mut sums = OuterSums::new(inputs, outputs);
-            pulp::Arch::new().dispatch(AddRows { x, v_out, sums: &mut sums });
-            (sums.weights, sums.bias)
-        })
-        .collect();
+    let size = PIECE * outputs;
+    let pieces = parallel::map(v_out.len().div_ceil(size), 1, &|piece| {
+        let v_out = &v_out[piece * size..v_out.len().min((piece + 1) * size)];
+        let x = &x[piece * PIECE * inputs..][..v_out.len() / outputs * inputs];
+        let mut sums = OuterSums::new(inputs, outputs);
+        pulp::Arch::new().dispatch(AddRows { x, v_out, sums: &mut sums });
+        (sums.weights, sums.bias)
+    });
     let (mut weights, mut bias) = (vec![0.0; inputs * outputs], vec![0.0; outputs]);
     for (w, b) in pieces {
         weights.iter_mut().zip(w).for_each(|(sum, v)| *sum += v);

@@ -9,13 +9,13 @@ mod layer;
 pub mod reference;
 
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
-use rayon::prelude::*;
 
 pub use kernel::Packed;
 pub(crate) use kernel::{Product, Rows, Store};
 pub use layer::Layer;
 
 use super::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Rows that one piece of work takes: its operands stay in the second-level cache.
 const BLOCK: usize = 256;
@@ -72,7 +72,7 @@ fn multiply(x: &[f32], packed: &Packed, bias: &[f32], store: Store, out: &mut [f
         return;
     }
     let arch = pulp::Arch::new();
-    out.par_chunks_mut(BLOCK * columns).enumerate().for_each(|(block, out)| {
+    parallel::for_chunks(out, BLOCK * columns, &|block, out| {
         let count = out.len() / columns;
         let rows = Rows { values: &x[block * BLOCK * depth..][..count * depth], stride: depth, count };
         arch.dispatch(Product { rows, packed, bias, out, out_stride: columns, store });

@@ -10,6 +10,10 @@ use rayon::prelude::*;
 use super::NO_NEIGHBOUR;
 use super::batch::Batch;
 use super::tree::{Item, LEAF, Leaf, Node, Tree};
+use crate::parallel;
+
+/// Rows that one piece of work copies.
+const PIECE: usize = 4096;
 
 /// `[N, k]` indices of the nearest points of other groups.
 pub(super) fn search(points: &[[f32; 3]], groups: &[u32], k: usize) -> Vec<u32> {
@@ -52,8 +56,10 @@ fn search_leaves(tree: &Tree, queries: &[Leaf], k: usize) -> Vec<u32> {
 
 fn rows_at(by_place: &[u32], places: &[u32], k: usize) -> Vec<u32> {
     let mut indices = vec![0; places.len() * k];
-    indices.par_chunks_mut(k).zip(places).with_min_len(4096).for_each(|(row, &place)| {
-        row.copy_from_slice(&by_place[place as usize * k..][..k]);
+    parallel::for_chunks(&mut indices, PIECE * k, &|piece, rows| {
+        for (row, &place) in rows.chunks_exact_mut(k).zip(&places[piece * PIECE..]) {
+            row.copy_from_slice(&by_place[place as usize * k..][..k]);
+        }
     });
     indices
 }

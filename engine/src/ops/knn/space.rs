@@ -3,10 +3,10 @@
 use std::num::NonZeroUsize;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use rayon::prelude::*;
 
 use super::{check_points, nearest_of, squared_distance};
 use crate::error::Result;
+use crate::parallel;
 
 /// Points that can be asked which of them are nearest to a place.
 #[derive(Debug)]
@@ -64,11 +64,11 @@ impl Space {
 /// Those of [`nearest_of`].
 pub(crate) fn nearest_in_space(points: &[[f32; 3]], queries: &[u32], k: usize) -> Result<Vec<Vec<Near>>> {
     let found = nearest_of(points, queries, k)?;
-    let near = |(row, &query): (usize, &u32)| {
-        let squared = |&index: &u32| squared_distance(&points[query as usize], &points[index as usize]);
+    let near = |row: usize| -> Vec<Near> {
+        let squared = |&index: &u32| squared_distance(&points[queries[row] as usize], &points[index as usize]);
         found.of(row).iter().map(|index| Near { squared: squared(index), index: *index }).collect()
     };
-    Ok(queries.par_iter().enumerate().with_min_len(256).map(|(row, query)| near((row, query))).collect())
+    Ok(parallel::map(queries.len(), 256, &near))
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! A balanced k-d tree whose leaves hold [`LEAF`] points as columns.
 
-use rayon::prelude::*;
-
 use super::NO_NEIGHBOUR;
+use crate::parallel;
 
 /// Points of a leaf: a multiple of every vector length.
 pub(super) const LEAF: usize = 16;
@@ -66,7 +65,8 @@ impl Tree {
         if !items.is_empty() {
             build(&mut items, &mut nodes, 0, 0);
         }
-        let leaves: Vec<Leaf> = items.par_chunks(LEAF).map(Leaf::of).collect();
+        let leaf = |i: usize| Leaf::of(&items[i * LEAF..items.len().min((i + 1) * LEAF)]);
+        let leaves = parallel::map(items.len().div_ceil(LEAF), 1, &leaf);
         let mut place_of = vec![0; points.len()];
         (0_u32..).zip(&items).for_each(|(place, item)| place_of[item.index as usize] = place);
         Self { nodes, leaves, place_of }

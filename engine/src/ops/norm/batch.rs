@@ -1,12 +1,13 @@
 //! Batch normalisation: every column by its own mean and variance.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor};
-use rayon::prelude::*;
 
 use super::{checked, single};
 use crate::ops::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
 const PIECE: usize = 1 << 12;
@@ -63,24 +64,23 @@ struct BatchNorm {
 
 /// `[C]` sums of `term(column, value)` over the rows.
 fn column_sums(x: &[f32], width: usize, term: impl Fn(usize, f64) -> f64 + Sync) -> Vec<f64> {
-    pieced_sums(
-        width,
-        x.par_chunks(PIECE * width).map(|piece| {
-            let mut sums = vec![0.0; width];
-            for row in piece.chunks_exact(width) {
-                for (c, (sum, &v)) in sums.iter_mut().zip(row).enumerate() {
-                    *sum += term(c, f64::from(v));
-                }
+    pieced_sums(x.len(), width, &|piece| {
+        let mut sums = vec![0.0_f64; width];
+        for row in x[piece].chunks_exact(width) {
+            for (c, (sum, &v)) in sums.iter_mut().zip(row).enumerate() {
+                *sum += term(c, f64::from(v));
             }
-            sums
-        }),
-    )
+        }
+        sums
+    })
 }
 
-/// Sum of the pieces in their order.
-fn pieced_sums(width: usize, pieces: impl IndexedParallelIterator<Item = Vec<f64>>) -> Vec<f64> {
+/// Sum of what `of_piece` makes of the pieces of `len` values, in their order.
+fn pieced_sums(len: usize, width: usize, of_piece: &(dyn Fn(Range<usize>) -> Vec<f64> + Sync)) -> Vec<f64> {
+    let size = PIECE * width;
+    let of_piece = |i: usize| of_piece(i * size..len.min((i + 1) * size));
     let mut sums = vec![0.0; width];
-    for piece in pieces.collect::<Vec<Vec<f64>>>() {
+    for piece in parallel::map(len.div_ceil(size), 1, &of_piece) {
         sums.iter_mut().zip(piece).for_each(|(sum, v)| *sum += v);
     }
     sums
@@ -107,7 +107,8 @@ impl CustomOp3 for BatchNorm {
         let factors: Vec<f32> = (0..width).map(|c| single(scale[c] * f64::from(weight[c]))).collect();
         let means: Vec<f32> = mean.iter().copied().map(single).collect();
         let mut out = vec![0.0_f32; x.len()];
-        out.par_chunks_mut(PIECE * width).zip(x.par_chunks(PIECE * width)).for_each(|(out, x)| {
+        parallel::for_chunks(&mut out, PIECE * width, &|piece, out| {
+            let x = &x[piece * PIECE * width..];
             for (out, x) in out.chunks_exact_mut(width).zip(x.chunks_exact(width)) {
                 for c in 0..width {
                     out[c] = (x[c] - means[c]) * factors[c] + bias[c];
@@ -130,22 +131,20 @@ impl CustomOp3 for BatchNorm {
             let width = weight.len();
             let rows = (x.len() / width).max(1) as f64;
             let v_bias = column_sums(v_out, width, |_, v| v);
-            let pieces = x.par_chunks(PIECE * width).zip(v_out.par_chunks(PIECE * width));
-            let v_weight = pieced_sums(
-                width,
-                pieces.map(|(x, v_out)| {
-                    let mut sums = vec![0.0; width];
-                    for (x, v_out) in x.chunks_exact(width).zip(v_out.chunks_exact(width)) {
-                        for c in 0..width {
-                            sums[c] += f64::from(v_out[c]) * (f64::from(x[c]) - mean[c]) * scale[c];
-                        }
+            let v_weight = pieced_sums(x.len(), width, &|piece| {
+                let (x, v_out) = (&x[piece.clone()], &v_out[piece]);
+                let mut sums = vec![0.0_f64; width];
+                for (x, v_out) in x.chunks_exact(width).zip(v_out.chunks_exact(width)) {
+                    for c in 0..width {
+                        sums[c] += f64::from(v_out[c]) * (f64::from(x[c]) - mean[c]) * scale[c];
                     }
-                    sums
-                }),
-            );
+                }
+                sums
+            });
             let mut v_x = vec![0.0_f32; x.len()];
-            let pieces = x.par_chunks(PIECE * width).zip(v_out.par_chunks(PIECE * width));
-            v_x.par_chunks_mut(PIECE * width).zip(pieces).for_each(|(v_x, (x, v_out))| {
+            parallel::for_chunks(&mut v_x, PIECE * width, &|piece, v_x| {
+                let first = piece * PIECE * width;
+                let (x, v_out) = (&x[first..], &v_out[first..]);
                 let rows_of = x.chunks_exact(width).zip(v_out.chunks_exact(width));
                 for (v_x, (x, v_out)) in v_x.chunks_exact_mut(width).zip(rows_of) {
                     for c in 0..width {

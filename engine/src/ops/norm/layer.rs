@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{checked, single};
 use crate::ops::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
 const PIECE: usize = 1 << 10;
@@ -165,7 +166,8 @@ impl CustomOp3 for LayerNorm {
         let parameters = [slice(weight, weight_layout)?, slice(bias, bias_layout)?];
         let mut out = vec![0.0_f32; x.len()];
         let arch = pulp::Arch::new();
-        out.par_chunks_mut(PIECE * width).zip(x.par_chunks(PIECE * width)).for_each(|(out, x)| {
+        parallel::for_chunks(&mut out, PIECE * width, &|piece, out| {
+            let x = &x[piece * PIECE * width..][..out.len()];
             arch.dispatch(Forward { x, parameters, eps, out });
         });
         Ok((CpuStorage::F32(out), Shape::from((x.len() / width, width))))

@@ -7,12 +7,12 @@ mod sum;
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor};
-use rayon::prelude::*;
 
 pub(crate) use gate::gather_gated;
 pub(crate) use sum::add_gathered;
 
 use super::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Rows or segments of one piece of work.
 const PIECE: usize = 512;
@@ -141,7 +141,9 @@ pub(crate) fn gather_into(x: &[f32], segments: &Segments, width: usize, out: &mu
 
 fn by_rows(out: &mut [f32], width: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
     if width > 0 {
-        out.par_chunks_exact_mut(width).with_min_len(PIECE).enumerate().for_each(|(i, out)| fill(i, out));
+        parallel::for_chunks(out, PIECE * width, &|piece, out| {
+            (piece * PIECE..).zip(out.chunks_exact_mut(width)).for_each(|(i, out)| fill(i, out));
+        });
     }
 }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Curve, Order};
+use crate::parallel;
 
 /// Rows that one piece of work takes.
 const CHUNK: usize = 1 << 13;
@@ -20,7 +21,11 @@ pub(super) fn codes(coords: &[[i32; 4]], curve: Curve, depth: u32) -> Vec<u64> {
         };
         (batch as u64) << (3 * depth) | along
     };
-    coords.par_iter().with_min_len(CHUNK).map(code).collect()
+    let mut codes = vec![0; coords.len()];
+    parallel::for_chunks(&mut codes, CHUNK, &|chunk, codes| {
+        codes.iter_mut().zip(&coords[chunk * CHUNK..]).for_each(|(to, coord)| *to = code(coord));
+    });
+    codes
 }
 
 pub(super) fn order(codes: &[u64]) -> Order {

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp2, CustomOp3, DType, Layout, Result, Shape, Tensor};
-use rayon::prelude::*;
 
 use super::kernel::{Epilogue, convolve_into};
 use super::map::{KernelMap, Symmetry};
 use super::pack::{ConvWeights, PackedWeights, WeightShape, single};
 use super::weight_gradient::by_weights;
 use crate::ops::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Rows of one piece of work: fixed, so that results do not depend on the number of threads.
 const PIECE: usize = 1 << 12;
@@ -110,24 +110,18 @@ impl Convolution {
 fn rectified(result: &[f32], v_out: &[f32], width: usize, relu: bool) -> (Vec<f32>, Vec<f32>) {
     let mut masked = vec![0.0_f32; if relu { v_out.len() } else { 0 }];
     let size = PIECE * width.max(1);
-    let column_sums = |rows: &[f32]| {
+    parallel::for_chunks(&mut masked, size, &|piece, masked| {
+        let values = result[piece * size..].iter().zip(&v_out[piece * size..]);
+        masked.iter_mut().zip(values).for_each(|(out, (&result, &v))| *out = if result > 0.0 { v } else { 0.0 });
+    });
+    let rows = if relu { masked.as_slice() } else { v_out };
+    let parts = parallel::map(rows.len().div_ceil(size), 1, &|piece| {
         let mut sums = vec![0.0_f64; width];
-        for row in rows.chunks_exact(width.max(1)) {
+        for row in rows[piece * size..].chunks_exact(width.max(1)).take(PIECE) {
             sums.iter_mut().zip(row).for_each(|(sum, &v)| *sum += f64::from(v));
         }
         sums
-    };
-    let parts: Vec<Vec<f64>> = if relu {
-        let pieces = masked.par_chunks_mut(size).zip(result.par_chunks(size).zip(v_out.par_chunks(size)));
-        let mask = |(masked, (result, v_out)): (&mut [f32], (&[f32], &[f32]))| {
-            let values = result.iter().zip(v_out);
-            masked.iter_mut().zip(values).for_each(|(out, (&result, &v))| *out = if result > 0.0 { v } else { 0.0 });
-            column_sums(masked)
-        };
-        pieces.map(mask).collect()
-    } else {
-        v_out.par_chunks(size).map(column_sums).collect()
-    };
+    });
     let mut sums = vec![0.0_f64; width];
     for part in parts {
         sums.iter_mut().zip(part).for_each(|(sum, v)| *sum += v);

@@ -1,9 +1,9 @@
 //! The weights and biases of a convolution in one tensor, in the order in which the kernel reads them.
 
 use candle_core::{CpuStorage, CustomOp2, DType, Layout, Result, Shape, Tensor};
-use rayon::prelude::*;
 
 use crate::ops::tensors::{slice, with_values};
+use crate::parallel;
 
 /// Output channels of a panel.
 pub(super) const PANEL: usize = 32;
@@ -63,7 +63,7 @@ impl WeightShape {
     pub(super) fn pack_scaled(self, weight: &[f32], factor: impl Fn(usize) -> f32 + Sync, packed: &mut [f32]) {
         let Self { num_offsets, cin, cout } = self;
         // Row by row of the checkpoint, so that reading is in order and writing stays within a panel.
-        packed.par_chunks_mut((cin * PANEL).max(1)).enumerate().for_each(|(i, panel)| {
+        parallel::for_chunks(packed, (cin * PANEL).max(1), &|i, panel| {
             let (offset, first) = (i / self.panels(), i % self.panels() * PANEL);
             for c in first..cout.min(first + PANEL) {
                 let (row, factor) = (&weight[(c * num_offsets + offset) * cin..][..cin], factor(c));
@@ -76,7 +76,7 @@ impl WeightShape {
     fn unpack(self, packed: &[f32]) -> Vec<f32> {
         let Self { num_offsets, cin, cout } = self;
         let mut weight = vec![0.0; cout * self.per_output()];
-        weight.par_chunks_mut(cin.max(1)).enumerate().for_each(|(i, row)| {
+        parallel::for_chunks(&mut weight, cin.max(1), &|i, row| {
             let (c, offset) = (i / num_offsets, i % num_offsets);
             let panel = &packed[(offset * self.panels() + c / PANEL) * cin * PANEL + c % PANEL..];
             row.iter_mut().zip(panel.iter().step_by(PANEL)).for_each(|(to, &value)| *to = value);
@@ -105,7 +105,7 @@ impl<'a> PackedWeights<'a> {
         let WeightShape { num_offsets, cin, cout } = self.shape;
         let shape = WeightShape { num_offsets, cin: cout, cout: cin };
         let mut packed = vec![0.0; shape.num_packed()];
-        packed.par_chunks_mut((cout * PANEL).max(1)).enumerate().for_each(|(i, panel)| {
+        parallel::for_chunks(&mut packed, (cout * PANEL).max(1), &|i, panel| {
             let (offset, first) = (source(i / shape.panels()), i % shape.panels() * PANEL);
             for (k, row) in panel.chunks_exact_mut(PANEL).enumerate() {
                 let from = self.panel(offset, k / PANEL)[first * PANEL + k % PANEL..].iter().step_by(PANEL);

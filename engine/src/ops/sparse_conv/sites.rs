@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{EngineError, Result};
+use crate::parallel;
 
 /// Bits of one coordinate in a key.
 const COORDINATE_BITS: u32 = 18;
@@ -12,6 +13,8 @@ const BATCH_BITS: u32 = 10;
 const BIAS: i64 = 1 << (COORDINATE_BITS - 1);
 /// Coordinates keep this distance from the ends of their field, so that the offset of any kernel stays inside it.
 const MARGIN: i64 = 8;
+/// Coordinates of one piece of work.
+const PIECE: usize = 4096;
 
 /// Occupied voxels, sorted by (batch, x, y, z), without repeats.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,12 +33,12 @@ impl Sites {
     /// When a coordinate exceeds 18 bits (less a margin for kernels), a batch index 10 bits, or there are more coordinates than 32 bits count.
     pub fn unique(coords: &[[i32; 4]]) -> Result<(Self, Vec<u32>)> {
         check_count("voxel coordinates", coords.len())?;
-        let mut order = coords
-            .par_iter()
-            .enumerate()
-            .with_min_len(4096)
-            .map(|(i, c)| Ok((key_of(c, i)?, index32(i))))
-            .collect::<Result<Vec<(u64, u32)>>>()?;
+        let keyed = |piece: usize| -> Result<Vec<(u64, u32)>> {
+            let rows = piece * PIECE..coords.len().min((piece + 1) * PIECE);
+            rows.map(|i| key_of(&coords[i], i).map(|key| (key, index32(i)))).collect()
+        };
+        let pieces = parallel::map(coords.len().div_ceil(PIECE), 1, &keyed);
+        let mut order: Vec<(u64, u32)> = pieces.into_iter().collect::<Result<Vec<_>>>()?.concat();
         order.par_sort_unstable();
         let mut sites = Self { coords: Vec::new(), keys: Vec::new() };
         let mut site_of = vec![0_u32; coords.len()];

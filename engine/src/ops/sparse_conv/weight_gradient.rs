@@ -6,10 +6,10 @@
 use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
-use rayon::prelude::*;
 
 use super::map::{BLOCK, KernelMap};
 use crate::ops::lanes::Lines;
+use crate::parallel;
 
 /// Pieces of blocks at most, and the fewest blocks of a piece: fixed, so that results do not depend on the number of threads.
 const PIECES: usize = 16;
@@ -42,27 +42,21 @@ pub fn by_weights(features: &[f32], v_out: &[f32], map: &KernelMap, cin: usize, 
     let arch = pulp::Arch::new();
     let work: Vec<(&Range<usize>, &Range<usize>)> =
         groups.iter().flat_map(|offsets| pieces.iter().map(move |piece| (offsets, piece))).collect();
-    let sums: Vec<Vec<f64>> = work
-        .into_par_iter()
-        .map(|(offsets, piece)| {
-            let mut sums = vec![0.0_f64; offsets.len() * size];
-            let (offsets, blocks) = (offsets.clone(), piece.clone());
-            arch.dispatch(Piece { features, v_out, map, cin, cout, offsets, blocks, sums: &mut sums });
-            sums
-        })
-        .collect();
-    let totals: Vec<Vec<f64>> = (0..map.num_offsets)
-        .into_par_iter()
-        .map(|offset| {
-            let first = offset / together * pieces.len();
-            let at = offset % together * size;
-            let mut total = vec![0.0_f64; size];
-            for piece in &sums[first..first + pieces.len()] {
-                total.iter_mut().zip(&piece[at..at + size]).for_each(|(sum, v)| *sum += v);
-            }
-            total
-        })
-        .collect();
+    let sums = parallel::map(work.len(), 1, &|i| {
+        let (offsets, blocks) = (work[i].0.clone(), work[i].1.clone());
+        let mut sums = vec![0.0_f64; offsets.len() * size];
+        arch.dispatch(Piece { features, v_out, map, cin, cout, offsets, blocks, sums: &mut sums });
+        sums
+    });
+    let totals = parallel::map(map.num_offsets, 1, &|offset| {
+        let first = offset / together * pieces.len();
+        let at = offset % together * size;
+        let mut total = vec![0.0_f64; size];
+        for piece in &sums[first..first + pieces.len()] {
+            total.iter_mut().zip(&piece[at..at + size]).for_each(|(sum, v)| *sum += v);
+        }
+        total
+    });
     for (i, row) in result.chunks_exact_mut(cin).enumerate() {
         let (c, offset) = (i / map.num_offsets, i % map.num_offsets);
         row.iter_mut().zip(totals[offset][c..].iter().step_by(columns)).for_each(|(v, &sum)| *v = single(sum));

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use lgs_formats::casts::to_u32;
-use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::ImageGradient;
@@ -15,6 +14,7 @@ use super::project::{PROJECTION, SceneBuffers};
 use super::walk::{WALK, WALK_BACK};
 use super::work::{Work, groups_over};
 use crate::gaussians::physical::SplatGradient;
+use crate::parallel;
 
 const UNCOMPOSITE: &[&str] = &[WALK, WALK_BACK, include_str!("backward.wgsl")];
 const UNCOMPOSITE_64: Kernel =
@@ -141,7 +141,7 @@ impl Work<'_> {
             let rest = [at(&gradient.alpha, p), at(&gradient.depth, p), at(maps[0], p), at(maps[1], p)];
             [[r, g, b, at(&gradient.expected_depth, p)], rest]
         };
-        let values: Vec<[[f32; 4]; 2]> = (0..drawn.num_pixels()).into_par_iter().map(of_pixel).collect();
+        let values: Vec<[[f32; 4]; 2]> = parallel::map(drawn.num_pixels(), 1, &of_pixel);
         self.upload("gradients of pixels", &values)
     }
 
@@ -150,7 +150,8 @@ impl Work<'_> {
     /// # Errors
     /// [`GpuError::Lost`] where the GPU has stopped.
     pub(super) fn read_rows(&mut self, rows: &Buffer, len: usize) -> Result<Vec<Row>, GpuError> {
-        Ok(self.read::<[f32; ROW]>(rows, 0, len)?.par_iter().map(Row::of).collect())
+        let read = self.read::<[f32; ROW]>(rows, 0, len)?;
+        Ok(parallel::map(read.len(), 1, &|i| Row::of(&read[i])))
     }
 }
 

@@ -5,7 +5,6 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 use lgs_formats::casts::{to_f32, to_u32};
-use rayon::prelude::*;
 use wgpu::Buffer;
 
 use super::super::project::Projector;
@@ -14,6 +13,7 @@ use super::error::GpuError;
 use super::kernels::{Kernel, ROW};
 use super::work::{Work, groups_over};
 use crate::gaussians::physical::Splat;
+use crate::parallel;
 use crate::views::PinholeView;
 
 pub(super) const PROJECTION: &str = include_str!("projection.wgsl");
@@ -108,20 +108,15 @@ impl Work<'_> {
     /// # Errors
     /// As [`Work::buffer`].
     pub(crate) fn load(&mut self, splats: &[Splat]) -> Result<SceneBuffers, GpuError> {
-        let shapes: Vec<[[f32; 4]; SHAPE]> = splats
-            .par_iter()
-            .map(|s| {
-                let ([x, y, z], [a, b, c]) = (s.mean, s.scale);
-                [[x, y, z, s.time], s.quat, [a, b, c, s.opacity]]
-            })
-            .collect();
-        let looks: Vec<[[f32; 4]; LOOK]> = splats
-            .par_iter()
-            .map(|s| {
-                let ([r, g, b], [x, y, z]) = (s.colour, s.velocity);
-                [[r, g, b, 0.0], [x, y, z, 0.0]]
-            })
-            .collect();
+        let shapes: Vec<[[f32; 4]; SHAPE]> = parallel::map(splats.len(), 1, &|i| {
+            let s = &splats[i];
+            let ([x, y, z], [a, b, c]) = (s.mean, s.scale);
+            [[x, y, z, s.time], s.quat, [a, b, c, s.opacity]]
+        });
+        let looks: Vec<[[f32; 4]; LOOK]> = parallel::map(splats.len(), 1, &|i| {
+            let ([r, g, b], [x, y, z]) = (splats[i].colour, splats[i].velocity);
+            [[r, g, b, 0.0], [x, y, z, 0.0]]
+        });
         let (shapes, looks) = (self.upload("shapes", &shapes)?, self.upload("looks", &looks)?);
         let gradients = self.rows("gradients", splats.len())?;
         Ok(SceneBuffers { shapes, looks, gradients, len: splats.len() })

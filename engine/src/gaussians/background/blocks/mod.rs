@@ -4,12 +4,11 @@ mod search;
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use self::search::Search;
 use super::{Sheet, is_ignored};
 use crate::{
     gaussians::{Coarseness, disc::Plane},
+    parallel,
     views::View,
 };
 
@@ -103,11 +102,9 @@ pub(super) fn blocks(
     let known = |pixel: usize| open(pixel) && sheet.inverse_depths[pixel] > 0.0 && !is_ignored(view, pixel);
     let inside = band.start * width..band.end * width;
     let mut left = vec![false; view.pinhole.num_pixels()];
-    let cells = left[inside.clone()].par_iter_mut().zip(inside.clone()).with_min_len(GRAIN);
-    cells.for_each(|(left, pixel)| *left = known(pixel));
-    let mut counts = vec![0; height];
-    let rows = counts.par_iter_mut().zip(left.par_chunks(width.max(1)));
-    rows.for_each(|(count, row)| *count = row.iter().filter(|&&left| left).count());
+    parallel::for_each(&mut left[inside.clone()], GRAIN, &|i, left| *left = known(inside.start + i));
+    let count = |row: usize| left[row * width..][..width].iter().filter(|&&left| left).count();
+    let mut counts = parallel::map(height, 1, &count);
     let fits = |&[columns, rows]: &[usize; 2]| {
         columns.max(rows) as f32 <= coarseness.most(LONGEST) && columns <= width && rows <= height
     };

@@ -3,11 +3,11 @@
 mod drawn;
 
 use glam::{Quat, Vec3};
-use rayon::prelude::*;
 
 use self::drawn::Drawn;
 use crate::{
     gaussians::{GaussianSet, LOG_SCALE, LOGIT_OPACITY, NUM_ATTRIBUTES, QUAT, disc::BLUR, mean_of, physical::sigmoid},
+    parallel,
     views::PinholeView,
 };
 
@@ -48,14 +48,15 @@ impl Coverage {
     /// Adds Gaussians, to every pixel in their order.
     pub(super) fn add(&mut self, view: &PinholeView, shapes: &[Shape]) {
         let (camera, size) = (Camera::new(view), [self.width, self.height]);
-        let drawn = |shape| Drawn::new(camera.ellipse(shape)?, shape, size);
+        let drawn = |shape: &Shape| Drawn::new(camera.ellipse(shape)?, shape, size);
         for some in shapes.chunks(PROJECTED.0) {
-            let drawn: Vec<Drawn> = some.par_iter().with_min_len(PROJECTED.1).filter_map(drawn).collect();
+            let drawn: Vec<Drawn> = parallel::filter_map(some.len(), PROJECTED.1, &|i| drawn(&some[i]));
             if drawn.is_empty() {
                 continue;
             }
-            let bands = self.log_transmittance.par_chunks_mut((BAND * self.width).max(1)).enumerate();
-            bands.for_each(|(k, band)| drawn.iter().for_each(|drawn| drawn.add(band, k * BAND, self.width)));
+            parallel::for_chunks(&mut self.log_transmittance, (BAND * self.width).max(1), &|k, band| {
+                drawn.iter().for_each(|drawn| drawn.add(band, k * BAND, self.width));
+            });
         }
     }
 }
@@ -172,7 +173,7 @@ impl Shape {
                 log_opacity: (opacity / MIN_ALPHA).ln(),
             }
         };
-        rows.par_iter().with_min_len(4096).map(standing).collect()
+        parallel::map(rows.len(), 4096, &|i| standing(&rows[i]))
     }
 }
 

@@ -1,9 +1,10 @@
 //! Which depths the map of another view confirms, and what to believe where none does.
 
-use rayon::prelude::*;
-
 use super::relative::RelativePose;
-use crate::views::{PinholeView, reduced::Reduced};
+use crate::{
+    parallel,
+    views::{PinholeView, reduced::Reduced},
+};
 
 /// Maps agree within this many labels of the other one plus this share of the inverse depth.
 const TOLERANCE: (f32, f32) = (1.5, 0.05);
@@ -65,7 +66,7 @@ pub(in super::super) fn trust(map: Map<'_>, others: &[Map<'_>]) -> Vec<Trust> {
         });
         verdicts.reduce(better).unwrap_or(Trust::Alone)
     };
-    (0..map.inverse.len()).into_par_iter().with_min_len(GRAIN).map(of_pixel).collect()
+    parallel::map(map.inverse.len(), GRAIN, &of_pixel)
 }
 
 /// A confirmation by one view is enough; else being seen through by one view is.
@@ -79,7 +80,7 @@ pub(super) fn repaired(view: &Reduced, inverse: &[f32], trust: &[Trust]) -> Vec<
         Trust::Alone | Trust::Contradicted => nearest_confirmed(view, pixel, inverse, trust).unwrap_or(inverse[pixel]),
         Trust::Confirmed | Trust::OwnVehicle | Trust::Unknown => inverse[pixel],
     };
-    (0..inverse.len()).into_par_iter().with_min_len(GRAIN).map(of_pixel).collect()
+    parallel::map(inverse.len(), GRAIN, &of_pixel)
 }
 
 /// The inverse depth of that of the first confirmed pixels in eight directions which is most alike, close and far away.

@@ -1,9 +1,8 @@
 //! What returns, ground and colours say about the depth of a view's pixels, before images are compared.
 
-use rayon::prelude::*;
-
 use super::{ground::Ground, sky_colours::SkyColours};
 use crate::{
+    parallel,
     points::{DepthGrid, PointCloud},
     views::{Projected, View, reduced::Reduced},
 };
@@ -51,25 +50,21 @@ pub(super) fn evidence(view: &View, level: &Reduced, cloud: &PointCloud, ground:
     let mut pixels = of_returns(view, level, cloud);
     let measured: Vec<bool> = pixels.iter().map(|pixel| pixel.weight > 0.0).collect();
     interpolate(&mut pixels, level.pinhole.width);
-    let upward: Vec<bool> = pixels
-        .par_iter_mut()
-        .with_min_len(GRAIN)
-        .enumerate()
-        .map(|(i, pixel)| {
-            let at = middle(i, level.pinhole.width);
-            let camera = level.pinhole.exposing([at.u, at.v]);
-            let (centre, ahead) = (camera.centre(), camera.unproject(at));
-            let direction: [f32; 3] = std::array::from_fn(|k| ahead[k] - centre[k]);
-            if let Some(ground) = ground {
-                let floor = ground.inverse_depth(centre, direction, LOWERED);
-                pixel.floor = if floor > 1.0 / GROUND_RANGE { floor } else { 0.0 };
-                if pixel.floor > 0.0 && !pixel.near_returns {
-                    pixel.ground = ground.inverse_depth(centre, direction, 0.0);
-                }
+    let mut upward = vec![false; pixels.len()];
+    parallel::for_each_pair(&mut pixels, &mut upward, GRAIN, &|i, pixel, upward| {
+        let at = middle(i, level.pinhole.width);
+        let camera = level.pinhole.exposing([at.u, at.v]);
+        let (centre, ahead) = (camera.centre(), camera.unproject(at));
+        let direction: [f32; 3] = std::array::from_fn(|k| ahead[k] - centre[k]);
+        if let Some(ground) = ground {
+            let floor = ground.inverse_depth(centre, direction, LOWERED);
+            pixel.floor = if floor > 1.0 / GROUND_RANGE { floor } else { 0.0 };
+            if pixel.floor > 0.0 && !pixel.near_returns {
+                pixel.ground = ground.inverse_depth(centre, direction, 0.0);
             }
-            direction[2] > 0.0
-        })
-        .collect();
+        }
+        *upward = direction[2] > 0.0;
+    });
     mark_sky(&mut pixels, level, &measured, &upward);
     pixels
 }
@@ -82,7 +77,8 @@ pub(super) fn middle(pixel: usize, width: usize) -> Projected {
 /// The best return of every pixel: of its own sweep before others, the nearest of these; what something covers is left out.
 fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence> {
     let grid = DepthGrid::new(view.pinhole.width, view.pinhole.height, &view.depth_samples);
-    let seen = |(&position, &frame): (&[f32; 3], &u32)| {
+    let seen = |i: usize| {
+        let (position, frame) = (cloud.positions[i], cloud.frames[i]);
         let place = level.pinhole.project(position)?;
         if view.pinhole.project(position).is_none_or(|at| grid.covers(at)) {
             return None;
@@ -90,8 +86,8 @@ fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence>
         let weight = if frame as usize == view.frame { 1.0 } else { OTHER_SWEEP };
         Some((place.pixel(level.pinhole.width), weight, 1.0 / place.depth))
     };
-    let returns = cloud.positions.par_iter().zip(&cloud.frames).with_min_len(GRAIN);
-    let seen: Vec<(usize, f32, f32)> = returns.filter_map(seen).collect();
+    let count = cloud.positions.len().min(cloud.frames.len());
+    let seen: Vec<(usize, f32, f32)> = parallel::filter_map(count, GRAIN, &seen);
     let mut pixels = vec![Evidence::default(); level.pinhole.num_pixels()];
     for (pixel, weight, inverse) in seen {
         let pixel = &mut pixels[pixel];
@@ -106,7 +102,7 @@ fn of_returns(view: &View, level: &Reduced, cloud: &PointCloud) -> Vec<Evidence>
 fn interpolate(pixels: &mut [Evidence], width: usize) {
     let known: Vec<Evidence> = pixels.to_vec();
     let height = known.len() / width;
-    pixels.par_iter_mut().with_min_len(GRAIN).enumerate().for_each(|(i, pixel)| {
+    parallel::for_each(pixels, GRAIN, &|i, pixel| {
         if pixel.weight > 0.0 {
             pixel.near_returns = true;
             return;

@@ -1,8 +1,6 @@
 //! Views as they are matched, and the hypotheses of their pixels.
 
-use rayon::prelude::*;
-
-use crate::views::reduced::Reduced;
+use crate::{parallel, views::reduced::Reduced};
 
 /// Hypotheses of a pixel.
 pub(super) const NUM_LABELS: usize = 128;
@@ -44,5 +42,5 @@ fn census(view: &Reduced) -> Vec<u32> {
             bits << 1 | u32::from(grey[other] + MARGIN < grey[pixel])
         })
     };
-    (0..grey.len()).into_par_iter().with_min_len(512).map(bits_of).collect()
+    parallel::map(grey.len(), 512, &bits_of)
 }

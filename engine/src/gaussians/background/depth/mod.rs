@@ -18,12 +18,11 @@ mod volume;
 
 use std::collections::BTreeSet;
 
-use rayon::prelude::*;
-
 pub(super) use self::agree::{Map, Trust, trust};
 use self::{evidence::Evidence, ground::Ground, level::Level, own_vehicle::Part, smooth::Choice};
 use super::Sheet;
 use crate::{
+    parallel,
     points::PointCloud,
     views::{View, reduced::Reduced},
 };
@@ -47,7 +46,7 @@ struct Search {
 /// The depth maps of `views`, nowhere farther than `radius` metres.
 pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sheet> {
     let ground = Ground::fit(cloud);
-    let levels: Vec<Level> = views.par_iter().map(|view| Level::new(Reduced::new(view, factor(view)))).collect();
+    let levels: Vec<Level> = parallel::map(views.len(), 1, &|i| Level::new(Reduced::new(views[i], factor(views[i]))));
     let search = |i: usize| {
         let evidence = evidence::evidence(views[i], &levels[i].view, cloud, ground);
         let others: Vec<&Level> = sources(views, i).into_iter().map(|j| &levels[j]).collect();
@@ -58,7 +57,7 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
     let at_once = (rayon::current_num_threads() / 2).clamp(1, AT_ONCE);
     let all: Vec<usize> = (0..views.len()).collect();
     let searches: Vec<Search> =
-        all.chunks(at_once).flat_map(|some| some.par_iter().map(|&i| search(i)).collect::<Vec<_>>()).collect();
+        all.chunks(at_once).flat_map(|some| parallel::map(some.len(), 1, &|k| search(some[k]))).collect();
     let parts = parts(views, &levels, &searches);
     let scene: Vec<Vec<f32>> = (0..views.len()).map(|i| scene_depths(&searches[i], &parts[i])).collect();
     let map = |i: usize| Map { camera: &levels[i].view.pinhole, inverse: &scene[i], step: searches[i].step };
@@ -77,7 +76,7 @@ pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Vec<Sh
         }
         enlarge::enlarged(views[i], &levels[i].view, factor(views[i]), &inverse, &trust, radius)
     };
-    (0..views.len()).into_par_iter().map(finish).collect()
+    parallel::map(views.len(), 1, &finish)
 }
 
 /// By how much a view is reduced, in both directions.

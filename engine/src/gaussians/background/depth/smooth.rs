@@ -3,13 +3,11 @@
 //! # Source
 //! Hirschmueller, Stereo processing by semiglobal matching and mutual information, 2008.
 
-use rayon::prelude::*;
-
 use super::{
     level::{NUM_DEPTHS, NUM_LABELS, OWN_VEHICLE},
     volume::Volume,
 };
-use crate::views::reduced::Reduced;
+use crate::{parallel, views::reduced::Reduced};
 
 /// Cost of a neighbour's depth one label away.
 const SMALL_STEP: i16 = 20;
@@ -42,11 +40,7 @@ pub(super) struct Choice {
 pub(super) fn smooth(volume: &Volume, view: &Reduced) -> Vec<Choice> {
     let (forward, backward) = rayon::join(|| sweep(volume, view, true), || sweep(volume, view, false));
     let total = |pixel: usize| -> [i16; NUM_LABELS] { std::array::from_fn(|l| forward[pixel][l] + backward[pixel][l]) };
-    (0..volume.costs.len())
-        .into_par_iter()
-        .with_min_len(GRAIN)
-        .map(|pixel| choose(&total(pixel), volume.step))
-        .collect()
+    parallel::map(volume.costs.len(), GRAIN, &|pixel| choose(&total(pixel), volume.step))
 }
 
 fn choose(total: &[i16; NUM_LABELS], step: f32) -> Choice {

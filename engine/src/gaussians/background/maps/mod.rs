@@ -3,7 +3,6 @@
 mod align;
 
 use lgs_formats::clip::DepthKind;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use self::align::{Line, Pair};
@@ -13,6 +12,7 @@ use super::{
     is_ignored, slant,
 };
 use crate::{
+    parallel,
     points::PointCloud,
     views::{NEAR, View},
 };
@@ -63,13 +63,13 @@ pub(super) struct Aligned {
 
 /// The depths of `views` from their maps, and by search where there is no map, or none that fits; nowhere farther than `radius` metres.
 pub(super) fn sheets(views: &[&View], cloud: &PointCloud, radius: f32) -> Aligned {
-    let fits: Vec<Option<MapFit>> = views.par_iter().map(|view| fit(view)).collect();
+    let fits: Vec<Option<MapFit>> = parallel::map(views.len(), 1, &|i| fit(views[i]));
     let all_used = fits.iter().all(|fit| fit.as_ref().is_some_and(|fit| fit.used));
     let mut sheets = if all_used { Vec::new() } else { depth::sheets(views, cloud, radius) };
     let inverse: Vec<Option<Vec<f32>>> =
         views.iter().zip(&fits).map(|(view, fit)| in_metres(view, fit.as_ref())).collect();
     let of_view = |i: usize| Some(sheet(views, &inverse, i, inverse[i].as_deref()?, radius));
-    let of_maps: Vec<Option<Sheet>> = (0..views.len()).into_par_iter().map(of_view).collect();
+    let of_maps: Vec<Option<Sheet>> = parallel::map(views.len(), 1, &of_view);
     if all_used {
         sheets = of_maps.into_iter().flatten().collect();
     } else {

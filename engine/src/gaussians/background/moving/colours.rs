@@ -1,11 +1,11 @@
 //! Whether the colours of pixels go with a moving thing or with what stands.
 
 use lgs_formats::casts::{to_f32, whole};
-use rayon::prelude::*;
 
 use super::{Thing, outline::Outline};
 use crate::{
     gaussians::{USUAL_PIXELS, background::Sheet},
+    parallel,
     points::{moved, sample},
     views::{Projected, View},
 };
@@ -82,13 +82,13 @@ impl Advantage {
             let stands = differ(&|source| source.pinhole.project((still > 0.0).then(|| at(still))?))?;
             Some(stands - moves)
         };
-        let all = || (0..squares.columns * squares.rows).into_par_iter().with_min_len(GRAIN);
+        let count = squares.columns * squares.rows;
         let place = |k: usize| [k % squares.columns, k / squares.columns];
         let alone = |k: usize| advantage(squares.pixel(place(k)[0], place(k)[1], width)).unwrap_or(0.0);
-        let alone: Vec<f32> = all().map(alone).collect();
+        let alone: Vec<f32> = parallel::map(count, GRAIN, &alone);
         let reach = whole(WINDOW.0 * outline.height / squares.side as f32).clamp(1, WINDOW.1);
         let together = |k: usize| squares.together(view, &alone, place(k), reach);
-        Self { of_squares: all().map(together).collect(), squares }
+        Self { of_squares: parallel::map(count, GRAIN, &together), squares }
     }
 
     /// That of a pixel, in a row and column of the image.

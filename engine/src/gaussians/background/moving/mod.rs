@@ -9,8 +9,6 @@ mod outline;
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use self::{colours::Advantage, nearest::Nearest, outline::Outline};
 use super::{Sheet, depth::Trust, gaps::continued, is_ignored};
 use crate::{
@@ -18,6 +16,7 @@ use crate::{
         Gaussian, GaussianSet, NUM_ATTRIBUTES, mean_of,
         motion::{Flow, Movement, STANDS},
     },
+    parallel,
     points::{PointCloud, moved, samples_of},
     views::{DepthSample, View},
 };
@@ -91,10 +90,10 @@ pub(super) fn shown(
     things: &[&Thing],
     sources: &[&View],
 ) -> Vec<Option<Shown>> {
-    let samples: Vec<Vec<DepthSample>> = things.par_iter().map(|thing| samples(view, thing)).collect();
+    let samples: Vec<Vec<DepthSample>> = parallel::map(things.len(), 1, &|k| samples(view, things[k]));
     let width = view.pinhole.width;
-    let shown = |(k, &thing): (usize, &&Thing)| {
-        let own = &samples[k];
+    let shown = |k: usize| {
+        let (thing, own) = (things[k], &samples[k]);
         if own.len() < FEWEST {
             return None;
         }
@@ -103,34 +102,44 @@ pub(super) fn shown(
         let advantage = Advantage::of(view, sheet, thing, &outline, &inverse_depths, sources);
         let others = samples.iter().enumerate().filter(|&(other, _)| other != k).flat_map(|(_, samples)| samples);
         let near = Nearest::of(&outline, width, own, others.chain(still));
-        let shows = |&(pixel, _): &(usize, f32)| {
+        let shows = |pixel: usize| {
             !is_ignored(view, pixel)
                 && sheet.trust[pixel] != Trust::OwnVehicle
                 && advantage.at(pixel / width, pixel % width) + near.prior(&outline, pixel, width) > 0.0
         };
-        let pixels = outline.pixels(width).zip(&inverse_depths).map(|(pixel, &inverse)| (pixel, inverse));
-        let (pixels, around): (Vec<_>, Vec<_>) = pixels.partition(shows);
-        Some(Shown { pixels, around: around.into_iter().map(|(pixel, _)| pixel).collect(), rows: outline.rows })
+        let (mut pixels, mut around) = (Vec::new(), Vec::new());
+        for ((pixel, shows), &inverse) in outline.pixels(width, &shows).into_iter().zip(&inverse_depths) {
+            if shows {
+                pixels.push((pixel, inverse));
+            } else {
+                around.push(pixel);
+            }
+        }
+        Some(Shown { pixels, around, rows: outline.rows })
     };
-    things.par_iter().enumerate().map(shown).collect()
+    parallel::map(things.len(), 1, &shown)
 }
 
 /// Appends Gaussians of a thing that an image asked for, by their raw attributes.
 pub(super) fn append(set: &mut GaussianSet, view: &View, thing: &Thing, rows: &[[f32; NUM_ATTRIBUTES]]) {
-    let gaussian = |&attributes: &[f32; NUM_ATTRIBUTES]| {
+    let gaussian = |i: usize| {
+        let attributes = rows[i];
         let mean = mean_of(&attributes);
         let time = view.pinhole.exposed_at(mean);
         let velocity = thing.velocity_of(mean, time - thing.time);
         Gaussian { attributes, time, frame: thing.flow.frame, velocity }
     };
-    let gaussians: Vec<Gaussian> = rows.par_iter().with_min_len(GRAIN).map(gaussian).collect();
+    let gaussians: Vec<Gaussian> = parallel::map(rows.len(), GRAIN, &gaussian);
     gaussians.into_iter().for_each(|gaussian| set.push(gaussian));
 }
 
 /// Where the returns of a thing are in an image, at its moment.
 fn samples(view: &View, thing: &Thing) -> Vec<DepthSample> {
-    let moving = |&(place, time): &([f32; 3], f32)| (place, thing.flow.at(place), time);
-    samples_of(thing.returns.par_iter().map(moving), &view.pinhole)
+    let moving = |i: usize| {
+        let (place, time) = thing.returns[i];
+        (place, thing.flow.at(place), time)
+    };
+    samples_of(thing.returns.len(), &moving, &view.pinhole)
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! Where in an image the pixels of a moving thing may be.
 
 use lgs_formats::casts::whole;
-use rayon::prelude::*;
 
-use crate::views::{DepthSample, View};
+use crate::{
+    parallel,
+    views::{DepthSample, View},
+};
 
 /// How far beside, above and below its returns a thing may reach, shares of their width and height in the image.
 const BEYOND: [f32; 3] = [0.15, 0.5, 0.2];
@@ -38,11 +40,11 @@ impl Outline {
         }
     }
 
-    /// Row-major indices of its pixels in an image of this width.
-    pub(super) fn pixels(&self, width: usize) -> impl IndexedParallelIterator<Item = usize> {
+    /// Row-major indices of its pixels in an image of this width, each with what a function says of it.
+    pub(super) fn pixels(&self, width: usize, f: &(dyn Fn(usize) -> bool + Sync)) -> Vec<(usize, bool)> {
         let (columns, corner) = (self.columns.len(), self.rows.start * width + self.columns.start);
-        let pixel = move |index: usize| corner + index / columns * width + index % columns;
-        (0..columns * self.rows.len()).into_par_iter().with_min_len(GRAIN).map(pixel)
+        let pixel = |index: usize| corner + index / columns * width + index % columns;
+        parallel::map(columns * self.rows.len(), GRAIN, &|index| (pixel(index), f(pixel(index))))
     }
 
     /// Which of its pixels samples of an image of a width fall on.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{BLOCK, KernelMap, Symmetry, local};
 use crate::error::{EngineError, Result};
 use crate::ops::sparse_conv::sites::{Sites, check_count, index32, key_step};
+use crate::parallel;
 
 /// A grid halved: the coarse sites and the maps down to them and back up.
 #[derive(Clone, Debug)]
@@ -74,20 +75,16 @@ impl KernelMap {
     /// As [`Sites::unique`].
     pub fn halving(sites: &Sites) -> Result<Halving> {
         let (coarse, parent) = sites.halved()?;
-        let blocks = sites
-            .coords()
-            .par_chunks(BLOCK)
-            .zip(parent.par_chunks(BLOCK))
-            .map(|(coords, parents)| {
-                let mut rows = vec![NONE; 8 * coords.len()];
-                for (i, (&[_, x, y, z], &parent)) in coords.iter().zip(parents).enumerate() {
-                    let odd = |v: i32| usize::from(v & 1 == 1);
-                    let offset = (odd(x) * 2 + odd(y)) * 2 + odd(z);
-                    rows[offset * coords.len() + i] = parent;
-                }
-                BlockPairs::of_rows(&rows, coords.len())
-            })
-            .collect();
+        let blocks = parallel::map(sites.len().div_ceil(BLOCK), 1, &|block| {
+            let coords = block_of(sites.coords(), block);
+            let mut rows = vec![NONE; 8 * coords.len()];
+            for (i, (&[_, x, y, z], &parent)) in coords.iter().zip(&parent[block * BLOCK..]).enumerate() {
+                let odd = |v: i32| usize::from(v & 1 == 1);
+                let offset = (odd(x) * 2 + odd(y)) * 2 + odd(z);
+                rows[offset * coords.len() + i] = parent;
+            }
+            BlockPairs::of_rows(&rows, coords.len())
+        });
         let up = Arc::new(Self::of_blocks(blocks, [coarse.len(), sites.len()], 8)?);
         let down = up.reversed();
         Ok(Halving { coarse, down, up })
@@ -108,23 +105,20 @@ impl KernelMap {
             );
         }
         let (coarse, _) = Sites::unique(&reached)?;
-        let blocks = coarse
-            .coords()
-            .par_chunks(BLOCK)
-            .map(|block| {
-                let mut rows = vec![NONE; kernel.pow(3) * block.len()];
-                for (line, (dx, dy)) in lines(radius).enumerate() {
-                    for (step, dz) in (-radius..=radius).enumerate() {
-                        for (i, &[b, x, y, z]) in block.iter().enumerate() {
-                            if let Some(row) = sites.find(&[b, 2 * x + dx, 2 * y + dy, 2 * z + dz]) {
-                                rows[(line * kernel + step) * block.len() + i] = index32(row);
-                            }
+        let blocks = parallel::map(coarse.len().div_ceil(BLOCK), 1, &|block| {
+            let block = block_of(coarse.coords(), block);
+            let mut rows = vec![NONE; kernel.pow(3) * block.len()];
+            for (line, (dx, dy)) in lines(radius).enumerate() {
+                for (step, dz) in (-radius..=radius).enumerate() {
+                    for (i, &[b, x, y, z]) in block.iter().enumerate() {
+                        if let Some(row) = sites.find(&[b, 2 * x + dx, 2 * y + dy, 2 * z + dz]) {
+                            rows[(line * kernel + step) * block.len() + i] = index32(row);
                         }
                     }
                 }
-                BlockPairs::of_rows(&rows, block.len())
-            })
-            .collect();
+            }
+            BlockPairs::of_rows(&rows, block.len())
+        });
         let map = Self::of_blocks(blocks, [sites.len(), coarse.len()], kernel.pow(3))?;
         Ok((coarse, map))
     }
@@ -194,6 +188,11 @@ fn join_line(keys: &[u64], block: &[u64], step: u64, kernel: usize, rows: &mut [
             rows[place * block.len() + i] = index32(at + k);
         }
     }
+}
+
+/// The coordinates of a block.
+fn block_of(coords: &[[i32; 4]], block: usize) -> &[[i32; 4]] {
+    &coords[block * BLOCK..coords.len().min((block + 1) * BLOCK)]
 }
 
 /// Offsets (dx, dy) in kernel order.

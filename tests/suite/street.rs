@@ -1,0 +1,32 @@
+//! What runs find of the clip that ships as it is: each is run once, for all cases that compare others with it.
+
+use std::{ffi::OsStr, path::Path, sync::OnceLock};
+
+use lgs_tests::process::{binary, run};
+use lgs_tests::{clips, metrics, places};
+use serde_json::Value;
+
+/// `metrics.json` of a run of the clip with odd frames held out, by the network that ships.
+pub(crate) fn with_network() -> Result<&'static Value, String> {
+    static FOUND: OnceLock<Result<Value, String>> = OnceLock::new();
+    once(&FOUND, "tiny")
+}
+
+/// The same without a network.
+pub(crate) fn without_network() -> Result<&'static Value, String> {
+    static FOUND: OnceLock<Result<Value, String>> = OnceLock::new();
+    once(&FOUND, "none")
+}
+
+fn once(found: &'static OnceLock<Result<Value, String>>, weights: &str) -> Result<&'static Value, String> {
+    found.get_or_init(|| found_of(&clips::street(), &["--weights", weights])).as_ref().map_err(Clone::clone)
+}
+
+/// `metrics.json` of a run of a clip with odd frames held out.
+pub(crate) fn found_of(clip: &Path, flags: &[&str]) -> Result<Value, String> {
+    let out = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let mut arguments: Vec<&OsStr> = vec![clip.as_os_str(), "--out".as_ref(), out.path().as_os_str()];
+    arguments.extend(["--hold-out", "odd"].iter().chain(flags).map(|flag| -> &OsStr { flag.as_ref() }));
+    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
+    metrics::read(out.path())
+}
