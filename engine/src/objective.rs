@@ -9,9 +9,11 @@ use lgs_formats::casts::to_f32;
 
 use crate::gaussians::physical::{Splat, SplatGradient, to_physical, to_raw_gradient};
 use crate::gaussians::{GaussianSet, MeanResiduals, RawGradient};
-use crate::loss::{Kept, LossTerms, LossWeights, counted_pixels, image_loss, residual_image, velocity_loss};
+use crate::loss::{
+    Kept, LossTerms, LossWeights, counted_pixels, image_loss, image_loss_terms, residual_image, velocity_loss,
+};
 use crate::parallel;
-use crate::render::{Device, Places, backward_visible, backward_with_sums, render_for_gradient};
+use crate::render::{Device, ImageGradient, Places, backward_visible, backward_with_sums, render_for_gradient};
 use crate::views::View;
 
 /// Colour behind all Gaussians.
@@ -184,7 +186,11 @@ fn found(splats: &[Splat], views: &[&View], weights: &LossWeights, wanted: Wante
     for view in views {
         let state = render_for_gradient(splats, &view.pinhole, BEHIND);
         let before_loss = Instant::now();
-        let (of_view, by_image) = image_loss(&state.images, view, weights);
+        let (of_view, by_image) = if wanted.gradient {
+            image_loss(&state.images, view, weights)
+        } else {
+            (image_loss_terms(&state.images, view, weights), ImageGradient::default())
+        };
         let residual = wanted.mean_residuals.then(|| residual_image(&state.images, view));
         loss_s += before_loss.elapsed().as_secs_f64();
         terms.push(of_view);

@@ -3,6 +3,8 @@
 use pulp::Arch;
 use rayon::prelude::*;
 
+use crate::parallel;
+
 /// Values that a thread takes at a time; sums are formed per chunk, then over the chunks in order.
 const CHUNK: usize = 3 * 4096;
 /// Sums that run side by side within a chunk.
@@ -26,6 +28,33 @@ pub(super) fn l1(rendered: &[f32], truth: &[f32], num_values: usize, weight: f32
     let tasks = rendered.par_chunks(CHUNK).zip(truth.par_chunks(CHUNK)).zip(gradient.par_chunks_mut(CHUNK));
     let sums: Vec<f64> = tasks.map(|((r, t), g)| arch.dispatch(|| chunk(r, t, slope, g))).collect();
     sums.iter().sum::<f64>() / num_values as f64
+}
+
+/// As [`l1`], without a gradient: the same bits.
+pub(super) fn mean_difference(rendered: &[f32], truth: &[f32], num_values: usize) -> f64 {
+    if num_values == 0 {
+        return 0.0;
+    }
+    let arch = Arch::new();
+    let part = |number: usize| number * CHUNK..rendered.len().min((number + 1) * CHUNK);
+    let sum = |number: usize| arch.dispatch(|| chunk_sum(&rendered[part(number)], &truth[part(number)]));
+    let sums = parallel::map(rendered.len().div_ceil(CHUNK), 1, &sum);
+    sums.iter().sum::<f64>() / num_values as f64
+}
+
+/// Sum of the absolute differences of one chunk, in the order of [`chunk`].
+#[inline(always)]
+fn chunk_sum(rendered: &[f32], truth: &[f32]) -> f64 {
+    let (rendered, rendered_rest) = rendered.as_chunks::<LANES>();
+    let (truth, truth_rest) = truth.as_chunks::<LANES>();
+    let mut sums = [0.0_f64; LANES];
+    for (r, t) in rendered.iter().zip(truth) {
+        for lane in 0..LANES {
+            sums[lane] += f64::from((r[lane] - t[lane]).abs());
+        }
+    }
+    let rest = rendered_rest.iter().zip(truth_rest);
+    sums.iter().sum::<f64>() + rest.map(|(r, t)| f64::from((r - t).abs())).sum::<f64>()
 }
 
 /// Sum of the absolute differences of one chunk.

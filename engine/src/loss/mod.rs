@@ -85,7 +85,60 @@ pub struct LossTerms {
 /// Exact; the truth and the LiDAR are constants. A rendered value that is not finite makes the terms that see it, and
 /// `total`, not finite: callers that go on with the gradient look at `total` first.
 pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (LossTerms, ImageGradient) {
-    let labels = view.labels.as_deref().filter(|labels| has_ignored(labels));
+    let mut rgb = vec![0.0; rendered.rgb.len()];
+    let (terms, psnr) = with_ignored_filled(rendered, view, |pair, labels, num_values| {
+        let l1 = l1::l1(pair.rendered, pair.truth, num_values, weights.l1, &mut rgb);
+        let psnr = match weights.psnr {
+            0.0 => 0.0,
+            weight => psnr::add_psnr_gradient(pair.rendered, pair.truth, num_values, weight, &mut rgb),
+        };
+        let ssim = ssim::add_ssim_gradient(pair, labels, -weights.ssim, &mut rgb);
+        if let Some(labels) = labels {
+            zero_ignored(&mut rgb, 3, labels);
+        }
+        ((l1, ssim), psnr)
+    });
+    let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels_of(view), weights.depth);
+    let terms = LossTerms::of(terms, depth, psnr, weights);
+    (terms, ImageGradient { rgb, expected_depth, ..ImageGradient::default() })
+}
+
+/// The loss of [`image_loss`] alone, to the bit.
+pub fn image_loss_terms(rendered: &Rendered, view: &View, weights: &LossWeights) -> LossTerms {
+    if weights.psnr != 0.0 {
+        return image_loss(rendered, view, weights).0;
+    }
+    let terms = with_ignored_filled(rendered, view, |pair, labels, num_values| {
+        (l1::mean_difference(pair.rendered, pair.truth, num_values), ssim::mean_similarity(pair, labels))
+    });
+    let (depth, _) = depth::depth_loss(rendered, &view.depth_samples, labels_of(view), weights.depth);
+    LossTerms::of(terms, depth, 0.0, weights)
+}
+
+impl LossTerms {
+    /// Of L1 and similarity, depth error and peak signal-to-noise ratio.
+    fn of((l1, ssim): (f64, Option<f64>), depth: f64, psnr: f64, weights: &LossWeights) -> Self {
+        let total = f64::from(weights.l1) * l1
+            + ssim.map_or(0.0, |ssim| f64::from(weights.ssim) * (1.0 - ssim))
+            + f64::from(weights.depth) * depth
+            - f64::from(weights.psnr) * psnr;
+        Self { l1, ssim, depth, total }
+    }
+}
+
+/// The labels of a view that has pixels that are ignored.
+fn labels_of(view: &View) -> Option<&[PixelLabel]> {
+    view.labels.as_deref().filter(|labels| has_ignored(labels))
+}
+
+/// What `compare` finds of a rendered image, with the truth in place of the ignored pixels, and the true one; it gets their labels, where there are
+/// such pixels, and the number of values that take part.
+fn with_ignored_filled<T>(
+    rendered: &Rendered,
+    view: &View,
+    compare: impl FnOnce(&ImagePair<'_>, Option<&[PixelLabel]>, usize) -> T,
+) -> T {
+    let labels = labels_of(view);
     let mut filled = FILLED.with(RefCell::take);
     let colours: &[f32] = match labels {
         Some(labels) => {
@@ -96,25 +149,10 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
     };
     let (width, height) = (rendered.width, rendered.height);
     let pair = ImagePair { truth: &view.image.data, rendered: colours, width, height };
-    let mut rgb = vec![0.0; colours.len()];
     let num_ignored = labels.map_or(0, |labels| pixels(labels).filter(|&&label| label == PixelLabel::Ignored).count());
-    let num_values = colours.len() - 3 * num_ignored;
-    let l1 = l1::l1(colours, pair.truth, num_values, weights.l1, &mut rgb);
-    let psnr = match weights.psnr {
-        0.0 => 0.0,
-        weight => psnr::add_psnr_gradient(colours, pair.truth, num_values, weight, &mut rgb),
-    };
-    let ssim = ssim::add_ssim_gradient(&pair, labels, -weights.ssim, &mut rgb);
-    if let Some(labels) = labels {
-        zero_ignored(&mut rgb, 3, labels);
-    }
-    let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
-    let total = f64::from(weights.l1) * l1
-        + ssim.map_or(0.0, |ssim| f64::from(weights.ssim) * (1.0 - ssim))
-        + f64::from(weights.depth) * depth
-        - f64::from(weights.psnr) * psnr;
+    let found = compare(&pair, labels, colours.len() - 3 * num_ignored);
     FILLED.with(|kept| kept.replace(filled));
-    (LossTerms { l1, ssim, depth, total }, ImageGradient { rgb, expected_depth, ..ImageGradient::default() })
+    found
 }
 
 thread_local! {

@@ -116,3 +116,19 @@ fn an_image_smaller_than_the_window_has_no_similarity_term() {
     assert!((terms.total - 0.2).abs() < 1e-8);
     assert_eq!(gradient.rgb, [0.8 / 6.0; 6]);
 }
+
+#[test]
+fn the_loss_alone_is_that_with_its_gradient_to_the_bit() {
+    for labels in [None, Some(labels()), Some(vec![PixelLabel::Ignored; WIDTH * HEIGHT])] {
+        for weights in [LossWeights::default(), LossWeights { psnr: 0.1, ..LossWeights::default() }] {
+            let (rendered, view) = (rendered(), view(labels.clone()));
+            let bits = |terms: LossTerms| {
+                let LossTerms { l1, ssim, depth, total } = terms;
+                ([l1, depth, total].map(f64::to_bits), ssim.map(f64::to_bits))
+            };
+            let [with, alone] =
+                [image_loss(&rendered, &view, &weights).0, image_loss_terms(&rendered, &view, &weights)].map(bits);
+            assert_eq!(with, alone);
+        }
+    }
+}

@@ -26,6 +26,8 @@ use backward::{GatherRow, SpreadRow};
 use forward::{Moments, RowSlopes, RowValues, VerticalMoments};
 use window::{CHANNELS, MARGIN, SLACK, WINDOW};
 
+use crate::parallel;
+
 /// Rows that a thread takes at a time; results do not depend on it.
 const ROWS_PER_TASK: usize = 8;
 
@@ -84,6 +86,15 @@ impl Centres {
         (pair.width >= WINDOW && pair.height >= WINDOW)
             .then(|| Self { width: pair.width - WINDOW + 1, height: pair.height - WINDOW + 1 })
     }
+
+    /// How many similarities there are at centres that are not ignored; `None` where there is none.
+    fn num_values(&self, labels: Option<&[PixelLabel]>) -> Option<usize> {
+        let ignored =
+            |row: usize| (0..self.width).filter(|&c| is_ignored(labels, image_index(row, c, self.width))).count();
+        let num_ignored: usize = if labels.is_some() { (0..self.height).map(ignored).sum() } else { 0 };
+        let count = self.height * self.width - num_ignored;
+        (count > 0).then_some(count * CHANNELS)
+    }
 }
 
 /// The eleven image rows under the window centres of `row`.
@@ -132,20 +143,36 @@ pub fn add_ssim_gradient(
     gradient: &mut [f32],
 ) -> Option<f64> {
     let centres = Centres::of(pair)?;
-    let count = (0..centres.height * centres.width)
-        .into_par_iter()
-        .with_min_len(ROWS_PER_TASK * WINDOW * WINDOW)
-        .filter(|&i| !is_ignored(labels, image_index(i / centres.width, i % centres.width, centres.width)))
-        .count()
-        * CHANNELS;
-    if count == 0 {
-        return None;
-    }
+    let count = centres.num_values(labels)?;
     let mut spread = SPREAD.with(RefCell::take);
     let row_sums = spread_slopes(pair, labels, &centres, &mut spread);
     gather_gradient(pair, &centres, &spread, weight / count as f32, gradient);
     SPREAD.with(|kept| kept.replace(spread));
     Some(row_sums.iter().sum::<f64>() / count as f64)
+}
+
+/// Mean similarity over the window centres that are not ignored, to the bit that of [`add_ssim_gradient`]; `None` when there is no such centre.
+///
+/// # Shapes
+/// `labels` `[H, W]`.
+pub fn mean_similarity(pair: &ImagePair, labels: Option<&[PixelLabel]>) -> Option<f64> {
+    let centres = Centres::of(pair)?;
+    let count = centres.num_values(labels)?;
+    let (arch, window, len) = (Arch::new(), window::window(), centres.width * CHANNELS);
+    let sums_of = |task: usize| -> Vec<f64> {
+        let (mut moments, mut values) = (Moments::new(pair.width * CHANNELS), vec![0.0; len + SLACK]);
+        let rows = task * ROWS_PER_TASK..centres.height.min((task + 1) * ROWS_PER_TASK);
+        let sum_of = |row: usize| {
+            vertical_moments(arch, &window, pair, row, &mut moments);
+            arch.dispatch(RowValues { window: &window, moments: &moments, len, values: &mut values });
+            let ignored = (0..centres.width).filter(|&c| is_ignored(labels, image_index(row, c, centres.width)));
+            ignored.for_each(|column| values[column * CHANNELS..(column + 1) * CHANNELS].fill(0.0));
+            arch.dispatch(|| window::sum(&values[..len]))
+        };
+        rows.map(sum_of).collect()
+    };
+    let sums = parallel::map(centres.height.div_ceil(ROWS_PER_TASK), 1, &sums_of);
+    Some(sums.iter().flatten().sum::<f64>() / count as f64)
 }
 
 thread_local! {
