@@ -27,6 +27,7 @@ pub(crate) fn found_of(clip: &Path, flags: &[&str]) -> Result<Value, String> {
     let out = tempfile::tempdir().map_err(|error| error.to_string())?;
     let mut arguments: Vec<&OsStr> = vec![clip.as_os_str(), "--out".as_ref(), out.path().as_os_str()];
     arguments.extend(["--hold-out", "odd"].iter().chain(flags).map(|flag| -> &OsStr { flag.as_ref() }));
-    run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
+    let finished = run(&binary("lgs-infer")?, &arguments, places::repository())?;
+    finished.expect_success().map_err(|failed| failed.message().unwrap_or_default().to_owned())?;
     metrics::read(out.path())
 }
