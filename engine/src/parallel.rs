@@ -78,7 +78,7 @@ pub(crate) fn for_each_pair<A: Send, B: Send>(
     });
 }
 
-/// Calls `f` with the index of each chunk of `size` items (the last one may be shorter) and the chunk.
+/// Calls `f` with the index of each chunk of `size` items, at least one (the last chunk may be shorter), and the chunk.
 pub(crate) fn for_chunks<T: Send>(items: &mut [T], size: usize, f: &(dyn Fn(usize, &mut [T]) + Sync)) {
     // A lock for each chunk, which only its own call takes.
     let chunks: Vec<Mutex<&mut [T]>> = items.chunks_mut(size).map(Mutex::new).collect();

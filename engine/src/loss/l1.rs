@@ -42,7 +42,16 @@ pub(super) fn mean_difference(rendered: &[f32], truth: &[f32], num_values: usize
     sums.iter().sum::<f64>() / num_values as f64
 }
 
-/// Sum of the absolute differences of one chunk, in the order of [`chunk`].
+/// Sum of the absolute differences of one chunk, with its gradient written.
+#[inline(always)]
+fn chunk(rendered: &[f32], truth: &[f32], slope: f32, gradient: &mut [f32]) -> f64 {
+    for ((r, t), g) in rendered.iter().zip(truth).zip(gradient) {
+        *g = if r - t == 0.0 { 0.0 } else { slope.copysign(r - t) };
+    }
+    chunk_sum(rendered, truth)
+}
+
+/// Sum of the absolute differences of one chunk.
 #[inline(always)]
 fn chunk_sum(rendered: &[f32], truth: &[f32]) -> f64 {
     let (rendered, rendered_rest) = rendered.as_chunks::<LANES>();
@@ -55,30 +64,6 @@ fn chunk_sum(rendered: &[f32], truth: &[f32]) -> f64 {
     }
     let rest = rendered_rest.iter().zip(truth_rest);
     sums.iter().sum::<f64>() + rest.map(|(r, t)| f64::from((r - t).abs())).sum::<f64>()
-}
-
-/// Sum of the absolute differences of one chunk.
-#[inline(always)]
-fn chunk(rendered: &[f32], truth: &[f32], slope: f32, gradient: &mut [f32]) -> f64 {
-    let (rendered, rendered_rest) = rendered.as_chunks::<LANES>();
-    let (truth, truth_rest) = truth.as_chunks::<LANES>();
-    let (gradient, gradient_rest) = gradient.as_chunks_mut::<LANES>();
-    let mut sums = [0.0_f64; LANES];
-    for ((r, t), g) in rendered.iter().zip(truth).zip(gradient) {
-        for lane in 0..LANES {
-            sums[lane] += one(r[lane], t[lane], slope, &mut g[lane]);
-        }
-    }
-    let rest = rendered_rest.iter().zip(truth_rest).zip(gradient_rest);
-    sums.iter().sum::<f64>() + rest.map(|((r, t), g)| one(*r, *t, slope, g)).sum::<f64>()
-}
-
-/// Absolute difference of one value, its gradient written.
-#[inline(always)]
-fn one(rendered: f32, truth: f32, slope: f32, gradient: &mut f32) -> f64 {
-    let difference = rendered - truth;
-    *gradient = if difference == 0.0 { 0.0 } else { slope.copysign(difference) };
-    f64::from(difference.abs())
 }
 
 #[cfg(test)]

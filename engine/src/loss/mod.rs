@@ -85,8 +85,8 @@ pub struct LossTerms {
 /// Exact; the truth and the LiDAR are constants. A rendered value that is not finite makes the terms that see it, and
 /// `total`, not finite: callers that go on with the gradient look at `total` first.
 pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (LossTerms, ImageGradient) {
-    let mut rgb = vec![0.0; rendered.rgb.len()];
-    let (terms, psnr) = with_ignored_filled(rendered, view, |pair, labels, num_values| {
+    let (labels, mut rgb) = (labels_of(view), vec![0.0; rendered.rgb.len()]);
+    let (terms, psnr) = with_ignored_filled(rendered, view, labels, |pair, num_values| {
         let l1 = l1::l1(pair.rendered, pair.truth, num_values, weights.l1, &mut rgb);
         let psnr = match weights.psnr {
             0.0 => 0.0,
@@ -98,20 +98,24 @@ pub fn image_loss(rendered: &Rendered, view: &View, weights: &LossWeights) -> (L
         }
         ((l1, ssim), psnr)
     });
-    let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels_of(view), weights.depth);
+    let (depth, expected_depth) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
     let terms = LossTerms::of(terms, depth, psnr, weights);
     (terms, ImageGradient { rgb, expected_depth, ..ImageGradient::default() })
 }
 
 /// The loss of [`image_loss`] alone, to the bit.
+///
+/// # Shapes
+/// `rendered` has the size of `view`.
 pub fn image_loss_terms(rendered: &Rendered, view: &View, weights: &LossWeights) -> LossTerms {
     if weights.psnr != 0.0 {
         return image_loss(rendered, view, weights).0;
     }
-    let terms = with_ignored_filled(rendered, view, |pair, labels, num_values| {
+    let labels = labels_of(view);
+    let terms = with_ignored_filled(rendered, view, labels, |pair, num_values| {
         (l1::mean_difference(pair.rendered, pair.truth, num_values), ssim::mean_similarity(pair, labels))
     });
-    let (depth, _) = depth::depth_loss(rendered, &view.depth_samples, labels_of(view), weights.depth);
+    let (depth, _) = depth::depth_loss(rendered, &view.depth_samples, labels, weights.depth);
     LossTerms::of(terms, depth, 0.0, weights)
 }
 
@@ -131,14 +135,14 @@ fn labels_of(view: &View) -> Option<&[PixelLabel]> {
     view.labels.as_deref().filter(|labels| has_ignored(labels))
 }
 
-/// What `compare` finds of a rendered image, with the truth in place of the ignored pixels, and the true one; it gets their labels, where there are
-/// such pixels, and the number of values that take part.
+/// What `compare` finds of a rendered image, with the truth in place of the pixels that `labels` ignore, and the true one; it gets the number of
+/// values that take part.
 fn with_ignored_filled<T>(
     rendered: &Rendered,
     view: &View,
-    compare: impl FnOnce(&ImagePair<'_>, Option<&[PixelLabel]>, usize) -> T,
+    labels: Option<&[PixelLabel]>,
+    compare: impl FnOnce(&ImagePair<'_>, usize) -> T,
 ) -> T {
-    let labels = labels_of(view);
     let mut filled = FILLED.with(RefCell::take);
     let colours: &[f32] = match labels {
         Some(labels) => {
@@ -150,7 +154,7 @@ fn with_ignored_filled<T>(
     let (width, height) = (rendered.width, rendered.height);
     let pair = ImagePair { truth: &view.image.data, rendered: colours, width, height };
     let num_ignored = labels.map_or(0, |labels| pixels(labels).filter(|&&label| label == PixelLabel::Ignored).count());
-    let found = compare(&pair, labels, colours.len() - 3 * num_ignored);
+    let found = compare(&pair, colours.len() - 3 * num_ignored);
     FILLED.with(|kept| kept.replace(filled));
     found
 }
