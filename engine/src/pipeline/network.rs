@@ -101,7 +101,7 @@ pub fn run_network(
         let (scope, limit, refine) = (settings.density_scope, settings.max_gaussians, settings.refine);
         let pruning = Pruning { scope, limit, refine };
         let rows = watch.stage(Stage::SetUpdate, pruning.parts(scene), |progress| {
-            pruning.needed(scene, [views; 2], model, &mut || progress.step(Stage::SetUpdate))
+            pruning.prune(scene, views, model, &mut || progress.step(Stage::SetUpdate))
         })?;
         update = keep(scene, &rows);
     } else if set_update_skipped.is_none()

@@ -1,10 +1,10 @@
 //! Everything that is measured on one clip.
 
 use lgs_engine::{
-    densify::Density,
+    densify::{Density, Scope},
     gaussians::GaussianSet,
     network::model::Model,
-    pipeline::{NetworkSettings, Silent, Watch, run_network},
+    pipeline::{NetworkSettings, Pruning, Silent, Watch, run_network},
     recipe::Recipe,
     refine::{
         adam::{Adam, AdamSettings},
@@ -38,8 +38,10 @@ pub fn measure(
     told: &mut dyn FnMut(&DensityPoint),
 ) -> Result<DensityRecord> {
     let views = subject.views();
-    let scene = predicted(subject, model, &views)?;
     let settings = key.settings.clone();
+    let mut scene = predicted(subject, model, &views)?;
+    let pruning = Pruning { scope: Scope::All, limit: None, refine: settings.refine_steps.into() };
+    pruning.advance(&mut scene, &views, model, &mut || ())?;
     let bench = Bench { subject, model, refine_steps: settings.refine_steps, adam: settings.adam };
     let mut points = vec![bench.point(&scene, None, 100)?];
     points.iter().for_each(&mut *told);
@@ -49,11 +51,9 @@ pub fn measure(
                 scene: &scene,
                 inputs: &views,
                 held_out: subject.held_out(),
-                model,
-                refine: settings.refine_steps.into(),
                 seed: settings.seed,
             };
-            let kept = signal.survivors(seen, percent)?;
+            let kept = signal.survivors(seen, percent);
             let left = scene.select(&kept, kept.partition_point(|&i| i < scene.num_lidar));
             let point = bench.point(&left, Some(signal), percent)?;
             told(&point);

@@ -4,10 +4,9 @@ use std::{fmt, str::FromStr};
 
 use lgs_engine::{
     densify::{Limit, Scope},
+    evidence::survivors,
     gaussians::{GaussianSet, LOGIT_OPACITY},
-    network::model::Model,
-    pipeline::Pruning,
-    refine::RefineSettings,
+    render::Device,
     views::View,
 };
 use rand_chacha::{
@@ -17,7 +16,6 @@ use rand_chacha::{
 use serde::{Deserialize, Serialize};
 
 use super::entropy::entropy_of;
-use crate::error::Result;
 
 /// What decides which Gaussians stay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -38,16 +36,12 @@ pub enum Signal {
 /// What a signal decides by.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
-    /// The scene, predicted.
+    /// The scene, as far ahead as pruning takes it.
     pub scene: &'a GaussianSet,
     /// Its input views.
     pub inputs: &'a [&'a View],
     /// Its held-out views.
     pub held_out: &'a [View],
-    /// Who refines it.
-    pub model: &'a Model,
-    /// How.
-    pub refine: RefineSettings,
     /// Seed of chance.
     pub seed: u64,
 }
@@ -68,25 +62,20 @@ impl Signal {
     }
 
     /// The Gaussians that stay, in the order of the scene, as many as the percentage says.
-    ///
-    /// # Errors
-    /// Those of [`Pruning::needed`].
-    pub fn survivors(self, seen: Seen<'_>, percent: u32) -> Result<Vec<usize>> {
-        let limit = Limit::Percent(percent);
-        let pruning = Pruning { scope: Scope::All, limit: Some(limit), refine: seen.refine };
-        let by_costs = |judges: &[&View]| pruning.needed(seen.scene, [seen.inputs, judges], seen.model, &mut || ());
-        let scene = seen.scene;
+    pub fn survivors(self, seen: Seen<'_>, percent: u32) -> Vec<usize> {
+        let (scene, limit) = (seen.scene, Limit::Percent(percent));
+        let by_costs = |judges: &[&View]| survivors(scene, judges, (Scope::All, Some(limit)), Device::Cpu, &mut || ());
         let count = limit.of(scene.len());
-        Ok(match self {
-            Self::Exact => by_costs(seen.inputs)?,
-            Self::Oracle => by_costs(&seen.inputs.iter().copied().chain(seen.held_out).collect::<Vec<_>>())?,
+        match self {
+            Self::Exact => by_costs(seen.inputs),
+            Self::Oracle => by_costs(&seen.inputs.iter().copied().chain(seen.held_out).collect::<Vec<_>>()),
             Self::Opacity => {
                 let opacity = |i: usize| f64::from(scene.attributes[i][LOGIT_OPACITY]);
                 greatest((0..scene.len()).map(opacity).collect(), count)
             }
             Self::Entropy => greatest(drawn(&entropy_of(scene, seen.inputs), seen.seed), count),
             Self::Chance => greatest(drawn(&vec![1.0; scene.len()], seen.seed), count),
-        })
+        }
     }
 }
 
