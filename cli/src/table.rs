@@ -56,6 +56,11 @@ impl<T: FlagTable> TableArgs<T> {
         self.0.first().map(|(name, _)| *name)
     }
 
+    /// Whether one of these was given.
+    pub fn any(&self, names: &[&str]) -> bool {
+        names.iter().any(|name| self.value(name).is_some())
+    }
+
     /// The value that was asked for.
     pub fn value(&self, name: &str) -> Option<&str> {
         self.0.iter().find(|(other, _)| *other == name).map(|(_, value)| value.as_str())

@@ -177,7 +177,8 @@ pub const KNOBS: [Knob; 15] = [
         usual: "learned",
         value: "learned|adam:N",
         help: "Who refines: learned: the network, where there is one; adam:N: N steps of per-scene optimisation by the same loss, 0 to 100000, \
-               with a network or without; learned steps before them only where they are asked for [default: learned]",
+               with a network or without; learned steps before them only where they are asked for [default: adam:4 behind two learned steps with \
+               the weights that ship, else learned]",
         words: &[],
         aliases: &[],
         by_budget: true,
@@ -202,7 +203,8 @@ pub const KNOBS: [Knob; 15] = [
         name: "refine-steps",
         usual: "3",
         value: "N",
-        help: "Steps of the learned refinement over the input views, 0 to 1000 [default: 3; 0 where adam:N refines]",
+        help: "Steps of the learned refinement over the input views, 0 to 1000 [default: 3; 0 where adam:N refines; 2 where nobody says who refines, with the \
+               weights that ship]",
         words: &[],
         aliases: &[],
         by_budget: true,

@@ -55,8 +55,8 @@ pub struct AdamSummary {
 /// `m <- 0.9 m + 0.1 g`, `s <- 0.999 s + 0.001 g^2`, `x <- x - rate m' / (sqrt(s') + 1e-15)` with the moments' bias taken out. A value
 /// without gradient so far stays where it is.
 ///
-/// One with a warm start has `m <- 0.8 m + 0.2 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in step k: its steps
-/// begin at a quarter of the rate, are longest in the seventh, and grow shorter. Usual first steps go by the sign of the gradient, a whole rate each,
+/// One with a warm start has `m <- 0.6 m + 0.4 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in step k: its steps
+/// begin at half the rate, are longest in the fourth, and grow shorter. Usual first steps go by the sign of the gradient, a whole rate each,
 /// which helps a scene that is far from its optimum and spoils one that is not: `measure/NEEDS.md` has the figures.
 ///
 /// # Source

@@ -7,7 +7,7 @@ use lgs_engine::{
     densify::Density,
     network::{model::Model, source::ModelSource},
     pipeline::{Begun, Deadline, Reconstruction, Run, Stage, Watch},
-    plan::{Budget, ClipWork, Record, choose},
+    plan::{Budget, ClipWork, REFINER, Record, choose, usual},
     recipe::Recipe,
     refine::LineSearch,
     report::BudgetRecord,
@@ -82,7 +82,7 @@ pub(crate) fn plan(args: &Args, start: Instant, begun: &Begun<'_>, views: &[View
     let Some(budget_s) = args.time_budget else {
         let base = match args.preset {
             Some(preset) => Record::shipped()?.preset(preset),
-            None => Recipe::default(),
+            None => usual(&args.weights, args.recipe.any(REFINER)),
         };
         let recipe = args.recipe.of(base);
         if args.recipe.value("max-gaussians").is_some() && !recipe.network {

@@ -8,7 +8,7 @@ use lgs_engine::{
     evaluate::lpips::Lpips,
     network::source::{LoadedModel, ModelSource},
     pipeline::HoldOut,
-    plan::{Named, Record},
+    plan::{Named, REFINER, Record, usual},
     recipe::Recipe,
     words::Words,
 };
@@ -149,7 +149,7 @@ fn recipes(args: &JobArgs, model: Option<&LoadedModel>) -> Result<Vec<NamedRecip
     if presets.is_empty() {
         return Ok(vec![NamedRecipe {
             name: "LGS (here)".to_owned(),
-            recipe: fitted(args.recipe.of(Recipe::default())),
+            recipe: fitted(args.recipe.of(usual(&args.weights, args.recipe.any(REFINER)))),
         }]);
     }
     let record = Record::shipped()?;
