@@ -122,7 +122,10 @@ mod tests {
     #[test]
     fn larger_images_are_as_coarse_by_angle() {
         let usual = Coarseness::default();
-        assert_eq!([1, 1 << 18, 1 << 19, 1 << 21].map(|pixels| usual.of_image(pixels).factor()), [0.707, 0.707, 1.0, 2.0]);
+        assert_eq!(
+            [1, 1 << 18, 1 << 19, 1 << 21].map(|pixels| usual.of_image(pixels).factor()),
+            [0.707, 0.707, 1.0, 2.0]
+        );
         assert_eq!(Coarseness::FINEST.of_image(1 << 24), Coarseness::FINEST);
     }
 

@@ -42,7 +42,13 @@ impl Pruning {
     ///
     /// # Errors
     /// Those of [`refine`].
-    pub fn advance(&self, scene: &mut GaussianSet, views: &[&View], model: &Model, done: &mut dyn FnMut()) -> Result<()> {
+    pub fn advance(
+        &self,
+        scene: &mut GaussianSet,
+        views: &[&View],
+        model: &Model,
+        done: &mut dyn FnMut(),
+    ) -> Result<()> {
         let settings = RefineSettings { steps: self.ahead(), last: LastStep::Kept, ..self.refine };
         refine(scene, views, model, settings, done).map(drop)
     }
@@ -51,7 +57,13 @@ impl Pruning {
     ///
     /// # Errors
     /// Those of [`refine`].
-    pub fn prune(&self, scene: &mut GaussianSet, views: &[&View], model: &Model, done: &mut dyn FnMut()) -> Result<Vec<usize>> {
+    pub fn prune(
+        &self,
+        scene: &mut GaussianSet,
+        views: &[&View],
+        model: &Model,
+        done: &mut dyn FnMut(),
+    ) -> Result<Vec<usize>> {
         if self.parts(scene) == 0 {
             return Ok((0..scene.len()).collect());
         }

@@ -47,12 +47,7 @@ pub fn measure(
     points.iter().for_each(&mut *told);
     for &signal in &settings.signals {
         for &percent in &settings.percents {
-            let seen = Seen {
-                scene: &scene,
-                inputs: &views,
-                held_out: subject.held_out(),
-                seed: settings.seed,
-            };
+            let seen = Seen { scene: &scene, inputs: &views, held_out: subject.held_out(), seed: settings.seed };
             let kept = signal.survivors(seen, percent);
             let left = scene.select(&kept, kept.partition_point(|&i| i < scene.num_lidar));
             let point = bench.point(&left, Some(signal), percent)?;
