@@ -216,7 +216,7 @@ fn steps_of_adam_are_those_of_its_formula() -> Outcome {
     let (mut set, views) = scene(LOOK);
     let (views, device) = ([&views[0], &views[1]], on_gpu()?);
     let mut adam = Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() });
-    let rates = [[8e-3; 3].as_slice(), &[1e-3; 4], &[0.1; 4], &[1e-2; 3], &[2e-2; 3]].concat();
+    let rates = [[4e-3; 3].as_slice(), &[1e-3; 4], &[0.2; 4], &[4e-2; 3], &[2e-2; 3]].concat();
     let mut moments = vec![[[0.0_f64; 2]; 17]; set.len()];
     for step in 1..=3 {
         let wanted = Wanted { gradient: true, device, ..Wanted::default() };
