@@ -42,7 +42,7 @@ pub struct MeasuredRecipe {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Named {
-    /// The best of those that take at most an eighth of the time of `accurate`.
+    /// The best of those that are at least 3.5 times as fast as `accurate`.
     Fast,
     /// The best of those that take at most half the time of `accurate`.
     Balanced,
@@ -52,7 +52,7 @@ pub enum Named {
 
 impl Words for Named {
     const WORDS: &[(&str, Self, &str)] = &[
-        ("fast", Self::Fast, "The best of those that take at most an eighth of the time of accurate"),
+        ("fast", Self::Fast, "The best of those that are at least 3.5 times as fast as accurate"),
         ("balanced", Self::Balanced, "The best of those that take at most half the time of accurate"),
         ("accurate", Self::Accurate, "The best"),
     ];
