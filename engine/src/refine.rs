@@ -25,7 +25,7 @@ use crate::views::{View, at_factor};
 
 use lengths::{Before, step_lengths_with};
 pub use lengths::{lengthen, step_lengths};
-pub use summary::{KnownObjective, LastStep, LineSearch, RefineSeconds, RefineSettings, RefineSummary, Refined};
+pub use summary::{LastStep, LineSearch, RefineSeconds, RefineSettings, RefineSummary};
 pub use view_schedule::ViewSchedule;
 
 /// Voxel pyramids of both branches, kept while no primitive leaves its voxel.
@@ -72,23 +72,23 @@ pub fn refine(
     settings: impl Into<RefineSettings>,
     mut progress: impl FnMut(),
 ) -> Result<RefineSummary> {
-    Ok(refine_and_measure(set, views, model, settings, |_| progress())?.summary)
+    refine_showing(set, views, model, settings, |_| progress())
 }
 
-/// As [`refine`], with what was measured last; `show` is given the scene after every step that was kept.
+/// As [`refine`]; `show` is given the scene after every step that was kept.
 ///
 /// # Errors
 /// As [`refine`].
-pub fn refine_and_measure(
+pub fn refine_showing(
     set: &mut GaussianSet,
     views: &[&View],
     model: &Model,
     settings: impl Into<RefineSettings>,
     mut show: impl FnMut(&GaussianSet),
-) -> Result<Refined> {
+) -> Result<RefineSummary> {
     let settings: RefineSettings = settings.into();
     if settings.steps == 0 || views.is_empty() || set.is_empty() {
-        return Ok(Refined::default());
+        return Ok(RefineSummary::default());
     }
     set.check_finite()?;
     let reduced = at_factor(views, settings.reduce);
@@ -121,7 +121,7 @@ pub fn refine_and_measure(
             break;
         }
     }
-    Ok(refinement.finish(carried))
+    Ok(refinement.finish())
 }
 
 /// A refinement between two of its steps.
@@ -151,7 +151,7 @@ impl<'a, 'v> Refinement<'a, 'v> {
         line_search.takes(self.model.config.step_length, index + 1 == steps)
     }
 
-    /// The loss of the scene before step `index`, with what the step takes; of the refined scene, which is before none, with what follows.
+    /// The loss of the scene before step `index`, with what the step takes; of the refined scene, which is before none, alone.
     ///
     /// # Errors
     /// As [`MemoryEstimate::check`].
@@ -159,7 +159,7 @@ impl<'a, 'v> Refinement<'a, 'v> {
         let wanted = if index < self.settings.steps {
             Wanted { images: self.searches(index), ..wanted(&self.model.config) }
         } else {
-            Wanted { gradient: self.settings.last == LastStep::OptimisedAfter, ..Wanted::default() }
+            Wanted::default()
         };
         let wanted = Wanted { device: self.settings.device, ..wanted };
         MemoryEstimate::of_set(set).check(views.iter().map(|view| &view.pinhole), Pass::Gradient)?;
@@ -210,13 +210,9 @@ impl<'a, 'v> Refinement<'a, 'v> {
         is_kept
     }
 
-    /// What was done, and the last measurement where it has the gradient that per-scene optimisation begins with.
-    fn finish(mut self, last: Option<Objective>) -> Refined {
+    fn finish(mut self) -> RefineSummary {
         self.summary.pyramids_kept = self.pyramids[0].reused;
-        let RefineSettings { steps, reduce, .. } = self.settings;
-        let has_gradient = self.settings.last == LastStep::OptimisedAfter && self.summary.steps == steps;
-        let measured = last.filter(|_| has_gradient).map(|objective| KnownObjective { objective, reduce });
-        Refined { summary: self.summary, measured }
+        self.summary
     }
 }
 

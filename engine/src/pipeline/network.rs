@@ -12,7 +12,7 @@ use crate::gaussians::GaussianSet;
 use crate::network::model::Model;
 use crate::predict::{QuerySkipped, backbone, predict, query, scores};
 use crate::recipe::Recipe;
-use crate::refine::{KnownObjective, LastStep, RefineSettings, RefineSummary, Refined, refine_and_measure};
+use crate::refine::{LastStep, RefineSettings, RefineSummary, refine};
 use crate::render::{MemoryEstimate, Pass};
 use crate::views::View;
 
@@ -57,8 +57,6 @@ pub struct NetworkRun {
     pub update: UpdateCounts,
     /// The policy's scores; `None` where there was no set update.
     pub density: Option<DensityMap>,
-    /// Loss and gradient of the refined scene, where they were asked for and are known.
-    pub measured: Option<KnownObjective>,
 }
 
 /// Why there was no set update.
@@ -111,11 +109,11 @@ pub fn run_network(
         (update, density) = watch.stage(Stage::SetUpdate, 1, |_| update_set(scene, scores, settings))?;
     }
     drop(features);
-    let Refined { summary: refine, measured } = watch.stage(Stage::Refine, settings.refine.steps, |progress| {
-        refine_and_measure(scene, views, model, settings.refine, |_| progress.step(Stage::Refine))
+    let refine = watch.stage(Stage::Refine, settings.refine.steps, |progress| {
+        refine(scene, views, model, settings.refine, || progress.step(Stage::Refine))
     })?;
     watch.times.add_refine(refine.seconds);
-    Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density, measured })
+    Ok(NetworkRun { summary: NetworkSummary { query_skipped, set_update_skipped, refine }, update, density })
 }
 
 impl<'a> NetworkSettings<'a> {
@@ -129,7 +127,7 @@ impl<'a> NetworkSettings<'a> {
                 reduce: recipe.refine_reduce,
                 until,
                 line_search: recipe.line_search,
-                last: if recipe.adam_steps > 0 { LastStep::OptimisedAfter } else { LastStep::Checked },
+                last: if recipe.adam_passes > 0 { LastStep::Kept } else { LastStep::Checked },
                 device: recipe.device(),
             },
             query: recipe.query,

@@ -17,7 +17,7 @@ use crate::{
         motion,
     },
     points::{self, Dropped, PointCloud, Timing},
-    refine::{KnownObjective, adam::AdamSummary},
+    refine::adam::AdamSummary,
     views::View,
 };
 
@@ -54,8 +54,6 @@ pub struct Reconstruction {
     pub optimisation: Option<AdamSummary>,
     /// What the policy said of each primitive; `None` where it was not asked.
     pub density: Option<DensityMap>,
-    /// Loss and gradient of the scene, where a refinement took them; what changes the scene takes them away.
-    pub measured: Option<KnownObjective>,
     /// How the clip's depth maps were brought to metres; empty where none was used for the background.
     pub depth_maps: Vec<MapFit>,
     /// When returns were measured, where the sweeps or the images told and not the clip.
@@ -169,22 +167,11 @@ impl<'a> Begun<'a> {
             background: scene.num_background(),
         };
         let seconds = start.elapsed().as_secs_f64();
-        let (network, density, measured) = match network {
-            Some(NetworkRun { summary, density, measured, .. }) => (Some(summary), density, measured),
-            None => (None, None, None),
+        let (network, density) = match network {
+            Some(NetworkRun { summary, density, .. }) => (Some(summary), density),
+            None => (None, None),
         };
-        Ok(Reconstruction {
-            scene,
-            counts,
-            network,
-            optimisation: None,
-            density,
-            measured,
-            depth_maps,
-            timing,
-            dropped,
-            seconds,
-        })
+        Ok(Reconstruction { scene, counts, network, optimisation: None, density, depth_maps, timing, dropped, seconds })
     }
 }
 
@@ -197,7 +184,6 @@ impl Reconstruction {
             network: None,
             optimisation: None,
             density: None,
-            measured: None,
             depth_maps: Vec::new(),
             timing: Timing::default(),
             dropped: Dropped::default(),

@@ -24,9 +24,9 @@ pub struct Deadline {
     /// No step begins that would probably end later.
     pub until: Instant,
     /// Steps of per-scene optimisation that are made where there is time.
-    pub adam_steps: usize,
+    pub adam_passes: usize,
     /// Seconds that the first step of per-scene optimisation will probably take, where no learned one has told.
-    pub adam_step_s: f64,
+    pub adam_pass_s: f64,
 }
 
 /// Who is told of a scene after how many steps, and of the times until then; what that takes counts for nothing.
@@ -50,8 +50,8 @@ impl Run<'_> {
     }
 
     /// Most steps of per-scene optimisation.
-    pub(super) fn adam_steps(&self) -> usize {
-        self.deadline.map_or(self.recipe.adam_steps, |deadline| deadline.adam_steps)
+    pub(super) fn adam_passes(&self) -> usize {
+        self.deadline.map_or(self.recipe.adam_passes, |deadline| deadline.adam_passes)
     }
 }
 
@@ -86,7 +86,7 @@ impl Begun<'_> {
         if marks.contains(&0) {
             done(&made, &watch.times);
         }
-        if run.adam_steps() > 0 {
+        if run.adam_passes() > 0 {
             made.optimise(inputs, run, AdamRates::default(), watch, Marks { steps: marks, done })?;
         }
         Ok(made)

@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    num::NonZeroUsize,
     path::Path,
     sync::{
         Arc, Mutex,
@@ -26,10 +27,8 @@ use super::{
 use crate::{
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_COLOUR, background::Mode, physical::to_physical},
-    loss::LossWeights,
-    objective::objective,
     recipe::Recipe,
-    refine::{KnownObjective, RefineSummary, adam::AdamRates},
+    refine::{RefineSummary, adam::AdamRates},
     render::Device,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
@@ -218,9 +217,9 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
 }
 
 /// So many steps of per-scene optimisation.
-fn adam(adam_steps: usize, refine_reduce: usize, deadline: Option<Deadline>) -> Run<'static> {
+fn adam(adam_passes: usize, refine_reduce: usize, deadline: Option<Deadline>) -> Run<'static> {
     let initial = Run::initial(Mode::Auto.into());
-    Run { recipe: Recipe { adam_steps, refine_reduce, ..initial.recipe }, deadline, ..initial }
+    Run { recipe: Recipe { adam_passes, refine_reduce, ..initial.recipe }, deadline, ..initial }
 }
 
 fn optimise(made: &mut Reconstruction, inputs: &Inputs, run: &Run<'_>) {
@@ -253,28 +252,39 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
 }
 
 #[test]
-fn what_a_refinement_measured_spares_the_first_step_its_drawing_and_changes_nothing() {
+fn every_pass_looks_at_every_view_by_one_step_each_or_by_as_many_as_are_asked_for() {
     let place = tempfile::tempdir().unwrap();
     write_test_clip(place.path(), |_| 0.8);
     let held = Held::open(place.path());
     let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
-    let views: Vec<&View> = inputs.views().iter().collect();
-    let optimised = |measured_at: Option<usize>, reduce: usize| {
+    let num_views = inputs.views().len();
+    assert!(num_views > 1);
+    let optimised = |refine_views: Option<usize>, seed: u64| {
         let mut made = held.reconstruct();
-        let objective = || objective(&made.scene, &views, &LossWeights::default());
-        made.measured = measured_at.map(|reduce| KnownObjective { objective: objective(), reduce });
-        optimise(&mut made, &inputs, &adam(2, reduce, None));
-        let summary = made.optimisation.unwrap();
-        (made.scene, summary.losses, made.measured.is_none())
+        let mut run = Run { seed, ..adam(3, 1, None) };
+        run.recipe.refine_views = refine_views.and_then(NonZeroUsize::new);
+        optimise(&mut made, &inputs, &run);
+        (made.scene, made.optimisation.unwrap().losses)
     };
-    assert_eq!(optimised(Some(1), 1), optimised(None, 1));
-    // What was measured at another size is no use.
-    assert_eq!(optimised(Some(1), 2), optimised(None, 2));
-    // Without time for a step that draws, one that does not is made all the same.
+    let (one, all) = (optimised(None, 0), optimised(Some(num_views), 0));
+    assert_eq!([one.1.len(), all.1.len()], [3, 3]);
+    assert!([&one.1, &all.1].iter().all(|losses| losses.is_sorted_by(|a, b| a > b)), "{one:?}");
+    // With as many drawings, more steps go farther.
+    assert!(one.1[2] < all.1[2], "{:?} {:?}", one.1, all.1);
+    assert!(one == optimised(Some(1), 0) && one == optimised(None, 0));
+    // The order of the views is the seed's, unless a step looks at all of them.
+    assert_ne!(one, (1..9).map(|seed| optimised(None, seed)).find(|other| *other != one).unwrap());
+    assert_eq!(all, optimised(Some(num_views), 1));
+}
+
+#[test]
+fn no_pass_begins_without_time_for_it() {
+    let place = tempfile::tempdir().unwrap();
+    write_test_clip(place.path(), |_| 0.8);
+    let held = Held::open(place.path());
+    let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
     let mut made = held.reconstruct();
-    made.measured =
-        Some(KnownObjective { objective: objective(&made.scene, &views, &LossWeights::default()), reduce: 1 });
-    let deadline = Some(Deadline { until: std::time::Instant::now(), adam_steps: 9, adam_step_s: 1.0 });
+    let deadline = Some(Deadline { until: std::time::Instant::now(), adam_passes: 9, adam_pass_s: 1.0 });
     optimise(&mut made, &inputs, &adam(0, 1, deadline));
-    assert_eq!(made.optimisation.unwrap().losses.len(), 1);
+    assert!(made.optimisation.is_none() && made.scene == held.reconstruct().scene);
 }

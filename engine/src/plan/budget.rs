@@ -28,11 +28,11 @@ pub struct Chosen {
     /// The recipe.
     pub recipe: Recipe,
     /// Steps of per-scene optimisation up to which it pays to go on while there is time.
-    pub most_adam_steps: usize,
+    pub most_adam_passes: usize,
     /// Seconds that the recipe will probably take from here on.
     pub expected_s: f64,
     /// Seconds that one of its steps of per-scene optimisation will probably take; 0 where nothing recorded tells.
-    pub adam_step_s: f64,
+    pub adam_pass_s: f64,
     /// Whether that fits: otherwise it is the quickest of all.
     pub fits: bool,
     /// Decibels that it probably gives up against the best recipe.
@@ -68,12 +68,12 @@ pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     let fitting = fitting.min_by(|a, b| a.behind.total_cmp(&b.behind).then(a.seconds.total_cmp(&b.seconds)));
     let chosen = fitting.or_else(|| offers.iter().copied().min_by(|a, b| a.seconds.total_cmp(&b.seconds)))?;
     let better = offers.iter().filter(|offer| fitting.is_some() && offer.is_longer_and_better(&chosen));
-    let most = better.map(|offer| offer.recipe.adam_steps).max();
+    let most = better.map(|offer| offer.recipe.adam_passes).max();
     Some(Chosen {
         recipe: chosen.recipe,
-        most_adam_steps: most.unwrap_or(chosen.recipe.adam_steps),
+        most_adam_passes: most.unwrap_or(chosen.recipe.adam_passes),
         expected_s: chosen.seconds,
-        adam_step_s: chosen.adam_step_s(&offers),
+        adam_pass_s: chosen.adam_pass_s(&offers),
         fits: fitting.is_some(),
         gives_up_db: chosen.behind - best.behind,
         best_s: best.seconds,
@@ -90,32 +90,32 @@ struct Offer {
 
 impl Offer {
     /// By the nearest of `offers` that differ only in the number of these steps.
-    fn adam_step_s(&self, offers: &[Self]) -> f64 {
-        let adam_steps = self.recipe.adam_steps;
-        let away = |other: &&Self| other.recipe.adam_steps.abs_diff(adam_steps);
+    fn adam_pass_s(&self, offers: &[Self]) -> f64 {
+        let adam_passes = self.recipe.adam_passes;
+        let away = |other: &&Self| other.recipe.adam_passes.abs_diff(adam_passes);
         let alike =
-            offers.iter().filter(|other| Recipe { adam_steps, ..other.recipe } == self.recipe && away(other) > 0);
+            offers.iter().filter(|other| Recipe { adam_passes, ..other.recipe } == self.recipe && away(other) > 0);
         let nearest = alike.min_by_key(away);
         nearest.map_or(0.0, |other| (other.seconds - self.seconds).abs() / away(&other) as f64)
     }
 
     fn is_longer_and_better(&self, other: &Self) -> bool {
-        let adam_steps = other.recipe.adam_steps;
-        let alike = Recipe { adam_steps, ..self.recipe } == other.recipe;
-        alike && self.recipe.adam_steps > adam_steps && self.behind < other.behind
+        let adam_passes = other.recipe.adam_passes;
+        let alike = Recipe { adam_passes, ..self.recipe } == other.recipe;
+        alike && self.recipe.adam_passes > adam_passes && self.behind < other.behind
     }
 
     /// It with as many more steps of per-scene optimisation as fit into `left`, on the line to the next of `offers` that has more and is
     /// better; `None` where there is none, or the next one fits, or nothing that helps does.
     fn prolonged(&self, offers: &[Self], left: f64) -> Option<Self> {
         let longer = offers.iter().filter(|offer| offer.is_longer_and_better(self));
-        let next = longer.min_by_key(|offer| offer.recipe.adam_steps)?;
-        let steps = next.recipe.adam_steps - self.recipe.adam_steps;
+        let next = longer.min_by_key(|offer| offer.recipe.adam_passes)?;
+        let steps = next.recipe.adam_passes - self.recipe.adam_passes;
         let step_s = (next.seconds - self.seconds) / steps as f64;
         let more = (1..steps).take_while(|&more| self.seconds + step_s * more as f64 <= left).last()?;
         let share = more as f64 / steps as f64;
         (next.seconds > left).then(|| Self {
-            recipe: Recipe { adam_steps: self.recipe.adam_steps + more, ..self.recipe },
+            recipe: Recipe { adam_passes: self.recipe.adam_passes + more, ..self.recipe },
             seconds: self.seconds + share * (next.seconds - self.seconds),
             behind: self.behind + share * (next.behind - self.behind),
         })
@@ -176,19 +176,19 @@ mod tests {
     #[test]
     fn time_between_two_recorded_numbers_of_steps_is_used() {
         let mut record = record();
-        let adam = Recipe { refine_steps: 1, adam_steps: 10, ..Recipe::default() };
+        let adam = Recipe { refine_steps: 1, adam_passes: 10, ..Recipe::default() };
         record.recipes.push(MeasuredRecipe { recipe: adam, psnr: vec![28.0, 28.0], seconds: vec![2.4, 24.0] });
         let choice = |seconds| choose(&record, &budget(seconds)).unwrap();
         // 0.3 s for the first step, 0.2 s for each of the others.
         let chosen = choice(1.31);
-        assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_steps, chosen.most_adam_steps), (1, 5, 10));
+        assert_eq!((chosen.recipe.refine_steps, chosen.recipe.adam_passes, chosen.most_adam_passes), (1, 5, 10));
         assert!((chosen.expected_s - 1.3).abs() < 0.01 && (chosen.gives_up_db - 3.0).abs() < 0.01, "{chosen:?}");
-        assert!((chosen.adam_step_s - 0.2).abs() < 0.01 && choice(0.55).adam_step_s > 0.19, "{chosen:?}");
+        assert!((chosen.adam_pass_s - 0.2).abs() < 0.01 && choice(0.55).adam_pass_s > 0.19, "{chosen:?}");
         // What was recorded is better where it fits, and nothing lies beyond the last.
-        assert_eq!((choice(1.0).recipe.refine_steps, choice(1.0).most_adam_steps), (3, 0));
-        assert_eq!((choice(9.0).recipe.adam_steps, choice(9.0).most_adam_steps), (10, 10));
-        assert_eq!((choice(0.45).recipe.adam_steps, choice(0.55).recipe.adam_steps), (0, 1));
-        assert_eq!((choice(0.01).fits, choice(0.01).most_adam_steps), (false, 0));
+        assert_eq!((choice(1.0).recipe.refine_steps, choice(1.0).most_adam_passes), (3, 0));
+        assert_eq!((choice(9.0).recipe.adam_passes, choice(9.0).most_adam_passes), (10, 10));
+        assert_eq!((choice(0.45).recipe.adam_passes, choice(0.55).recipe.adam_passes), (0, 1));
+        assert_eq!((choice(0.01).fits, choice(0.01).most_adam_passes), (false, 0));
     }
 
     #[test]

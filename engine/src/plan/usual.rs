@@ -13,7 +13,7 @@ pub const REFINER: &[&str] = &["refine-with", "refine-steps"];
 /// asks for comes alone.
 pub fn usual(weights: &ModelSource, refiner: bool) -> Recipe {
     match weights {
-        ModelSource::Shipped if !refiner => Recipe { refine_steps: 2, adam_steps: 4, ..Recipe::default() },
+        ModelSource::Shipped if !refiner => Recipe { refine_steps: 2, adam_passes: 4, ..Recipe::default() },
         _ => Recipe::default(),
     }
 }
@@ -24,7 +24,7 @@ mod tests {
 
     #[test]
     fn steps_of_optimisation_follow_the_weights_that_ship_unless_flags_say_who_refines() {
-        let steps = |recipe: Recipe| [recipe.refine_steps, recipe.adam_steps];
+        let steps = |recipe: Recipe| [recipe.refine_steps, recipe.adam_passes];
         assert_eq!(steps(usual(&ModelSource::Shipped, false)), [2, 4]);
         let others = [(ModelSource::Shipped, true), (ModelSource::None, false), (ModelSource::File("w".into()), false)];
         for (weights, refiner) in others {

@@ -184,16 +184,16 @@ pub const KNOBS: [Knob; 15] = [
         by_budget: true,
         set: |recipe, text| match text.split_once(':') {
             None if text == "learned" => {
-                recipe.adam_steps = 0;
+                recipe.adam_passes = 0;
                 Ok(())
             }
             Some(("adam", count)) => {
                 recipe.refine_steps = 0;
-                put_count(&mut recipe.adam_steps, count, [0, MOST_ADAM])
+                put_count(&mut recipe.adam_passes, count, [0, MOST_ADAM])
             }
             _ => Err(format!("expected learned or adam:N, found {text}")),
         },
-        get: |recipe| match recipe.adam_steps {
+        get: |recipe| match recipe.adam_passes {
             0 => recipe.network.then(|| json!("learned")),
             steps => Some(json!(format!("adam:{steps}"))),
         },

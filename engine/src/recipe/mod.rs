@@ -42,8 +42,8 @@ pub struct Recipe {
     /// Steps of the learned refinement; 0 without a network.
     pub refine_steps: usize,
     /// Steps of per-scene optimisation after them.
-    pub adam_steps: usize,
-    /// Input views that a step looks at; `None` for all.
+    pub adam_passes: usize,
+    /// Most input views that a step looks at; `None` for all in a learned one, and for one in one of per-scene optimisation.
     pub refine_views: Option<NonZeroUsize>,
     /// How many times smaller in width and height the images are that a step looks at.
     pub refine_reduce: usize,
@@ -71,7 +71,7 @@ impl Default for Recipe {
             thresholds: Thresholds::default(),
             max_gaussians: usual_limit(Density::Exact),
             refine_steps: 3,
-            adam_steps: 0,
+            adam_passes: 0,
             refine_views: None,
             refine_reduce: 1,
             line_search: LineSearch::Auto,
@@ -101,7 +101,7 @@ impl Recipe {
 
     /// Whether anybody refines.
     pub const fn refines(&self) -> bool {
-        (self.network && self.refine_steps > 0) || self.adam_steps > 0
+        (self.network && self.refine_steps > 0) || self.adam_passes > 0
     }
 
     /// Where views are drawn, held to the memory that it may take.
@@ -109,9 +109,14 @@ impl Recipe {
         self.device.opened().held_to(self.device_memory)
     }
 
-    /// The views that a step looks at.
+    /// The views that a learned step looks at.
     pub(crate) const fn view_schedule(&self, seed: u64) -> ViewSchedule {
         ViewSchedule { views_per_step: self.refine_views, seed }
+    }
+
+    /// The views that a step of per-scene optimisation looks at: one, where nobody asks for more.
+    pub(crate) fn adam_schedule(&self, seed: u64) -> ViewSchedule {
+        ViewSchedule { views_per_step: self.refine_views.or(NonZeroUsize::new(1)), seed }
     }
 
     /// What the scene begins with.
@@ -175,9 +180,9 @@ mod tests {
         );
         let policy = usual.with_density(Density::Policy);
         assert!(policy.flags().contains(&as_flags("density policy, refine-steps 3")));
-        let adam = Recipe { network: false, background: Mode::Gaps, adam_steps: 30, refine_reduce: 2, ..usual };
+        let adam = Recipe { network: false, background: Mode::Gaps, adam_passes: 30, refine_reduce: 2, ..usual };
         assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
-        let quicker = Recipe { line_search: LineSearch::Last, adam_steps: 2, ..usual };
+        let quicker = Recipe { line_search: LineSearch::Last, adam_passes: 2, ..usual };
         assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
         let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..policy };
         assert!(eager.flags().contains(&as_flags("density policy, theta-prune 0.9, theta-add 0.5, refine-steps 3")));

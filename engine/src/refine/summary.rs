@@ -3,11 +3,7 @@
 use std::time::Instant;
 
 use super::ViewSchedule;
-use crate::{
-    network::config::StepLength,
-    objective::{Objective, ObjectiveSeconds},
-    render::Device,
-};
+use crate::{network::config::StepLength, objective::ObjectiveSeconds, render::Device};
 
 /// After which learned steps every Gaussian's length of the step is searched for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -47,9 +43,7 @@ pub enum LastStep {
     /// As of every other: it is kept where the loss has fallen.
     #[default]
     Checked,
-    /// The same; per-scene optimisation follows, and the gradient of the loss is taken too, where there is one.
-    OptimisedAfter,
-    /// It is kept: nobody draws the views for it.
+    /// It is kept, as what follows corrects it: nobody draws the views for it.
     Kept,
 }
 
@@ -85,24 +79,6 @@ impl From<usize> for RefineSettings {
             device: Device::Cpu,
         }
     }
-}
-
-/// What came of a refinement beside the scene.
-#[derive(Clone, Debug, Default)]
-pub struct Refined {
-    /// What it did.
-    pub summary: RefineSummary,
-    /// Loss and gradient of the refined scene; `None` where nobody asked, or the last step was not measured or was taken back.
-    pub measured: Option<KnownObjective>,
-}
-
-/// Loss and gradient of a scene over all views, as it was when they were taken.
-#[derive(Clone, Debug)]
-pub struct KnownObjective {
-    /// With a gradient of as many rows as the scene has Gaussians.
-    pub objective: Objective,
-    /// How many times smaller in width and height the images were.
-    pub reduce: usize,
 }
 
 /// What a refinement did, and what it left out because the scene did not need it.

@@ -7,18 +7,17 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::views::View;
 
-/// How many views a step looks at, in random turns.
+/// How many views a step looks at, in turns each of which shows every view once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ViewSchedule {
-    /// Views of a step; `None` for all of them.
+    /// Most views of a step; `None` for all of them.
     pub views_per_step: Option<NonZeroUsize>,
-    /// Decides on the turns.
+    /// Decides on the order of each turn.
     pub seed: u64,
 }
 
 impl ViewSchedule {
-    /// The views of a step, in their order: all, or as many as a step looks at, in turns each of which has every view once in an order of
-    /// its own.
+    /// The views of a step, in their order: all, or the next ones of its turn.
     pub(crate) fn of_step<'a>(&self, step: usize, views: &[&'a View]) -> Vec<&'a View> {
         self.indices(step, views.len()).into_iter().map(|k| views[k]).collect()
     }
@@ -28,42 +27,26 @@ impl ViewSchedule {
         self.views_per_step.is_none_or(|count| count.get() >= num_views)
     }
 
+    /// Steps of a turn.
+    pub(crate) fn steps_of_turn(&self, num_views: usize) -> usize {
+        self.views_per_step.map_or(1, |count| num_views.div_ceil(count.get())).max(1)
+    }
+
     fn indices(&self, step: usize, num_views: usize) -> Vec<usize> {
         let Some(per_step) = self.views_per_step.map(NonZeroUsize::get).filter(|&count| count < num_views) else {
             return (0..num_views).collect();
         };
-        let mut orders = Orders { seed: self.seed, num_views, last: None };
-        let mut chosen: Vec<usize> = (step * per_step..(step + 1) * per_step).map(|place| orders.at(place)).collect();
+        let steps = self.steps_of_turn(num_views);
+        let mut chosen: Vec<usize> =
+            self.order(step / steps, num_views).into_iter().skip(step % steps * per_step).take(per_step).collect();
         chosen.sort_unstable();
-        chosen.dedup();
         chosen
     }
-}
 
-/// The orders of the turns; the last one is kept.
-struct Orders {
-    seed: u64,
-    num_views: usize,
-    last: Option<(usize, Vec<usize>)>,
-}
-
-impl Orders {
-    /// The view at a place of the sequence of all turns.
-    fn at(&mut self, place: usize) -> usize {
-        let turn = place / self.num_views;
-        let order = match self.last.take() {
-            Some((of, order)) if of == turn => order,
-            _ => self.order(turn),
-        };
-        let view = order[place % self.num_views];
-        self.last = Some((turn, order));
-        view
-    }
-
-    fn order(&self, turn: usize) -> Vec<usize> {
+    fn order(&self, turn: usize, num_views: usize) -> Vec<usize> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(turn as u64);
-        let mut order: Vec<(u64, usize)> = (0..self.num_views).map(|view| (rng.next_u64(), view)).collect();
+        let mut order: Vec<(u64, usize)> = (0..num_views).map(|view| (rng.next_u64(), view)).collect();
         order.sort_unstable();
         order.into_iter().map(|(_, view)| view).collect()
     }
@@ -98,8 +81,17 @@ mod tests {
             assert_eq!(schedule(limit, 0).indices(3, 4), [0, 1, 2, 3]);
             assert!(schedule(limit, 0).take_all(4));
         }
-        // The turns do not fit together with the steps: a view that two turns give to one step counts once.
-        let views = schedule(2, 1).indices(1, 3);
-        assert!((1..=2).contains(&views.len()));
+    }
+
+    #[test]
+    fn the_last_step_of_a_turn_has_what_is_left() {
+        let turn = |number: usize| [0, 1, 2].map(|step| schedule(3, 1).indices(3 * number + step, 7));
+        for number in 0..4 {
+            assert_eq!(turn(number).each_ref().map(Vec::len), [3, 3, 1]);
+            let mut views = turn(number).concat();
+            views.sort_unstable();
+            assert_eq!(views, [0, 1, 2, 3, 4, 5, 6]);
+        }
+        assert_eq!([0, 3, 7, 9].map(|limit| schedule(limit, 1).steps_of_turn(7)), [1, 3, 1, 1]);
     }
 }

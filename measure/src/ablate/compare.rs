@@ -31,11 +31,11 @@ pub fn comparisons(records: &[AblationRecord]) -> Vec<Comparison> {
     let refined = learned(STEPS);
     add(format!("{STEPS} learned steps - none"), &|r| Some(refined(r)? - learned(0)(r)?));
     add(format!("{STEPS} learned steps - initial Gaussians"), &|r| Some(refined(r)? - r.start.psnr?));
-    for steps in adam_steps(records) {
+    for steps in adam_passes(records) {
         let adam = |r: &AblationRecord| AblationRecord::at(&r.adam, steps)?.figures.psnr;
         add(format!("{STEPS} learned steps - {steps} Adam"), &|r| Some(refined(r)? - adam(r)?));
     }
-    for steps in adam_steps(records) {
+    for steps in adam_passes(records) {
         let adam = |r: &AblationRecord| AblationRecord::at(&r.adam_from_start, steps)?.figures.psnr;
         add(format!("{STEPS} learned steps - {steps} Adam from the initial Gaussians"), &|r| {
             Some(refined(r)? - adam(r)?)
@@ -66,7 +66,7 @@ pub fn comparisons(records: &[AblationRecord]) -> Vec<Comparison> {
 }
 
 /// Numbers of steps of per-scene optimisation that any record has, ascending, without 0.
-pub fn adam_steps(records: &[AblationRecord]) -> Vec<usize> {
+pub fn adam_passes(records: &[AblationRecord]) -> Vec<usize> {
     let mut steps: Vec<usize> = records.iter().flat_map(|r| &r.adam).map(|point| point.steps).collect();
     steps.sort_unstable();
     steps.dedup();

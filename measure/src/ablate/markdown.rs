@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use lgs_train::velocity::VelocityErrors;
 
 use super::{
-    compare::{adam_steps, comparisons, spread},
+    compare::{adam_passes, comparisons, spread},
     record::{AblationRecord, CurveOf},
     settings::STEPS,
     ways::names,
@@ -98,7 +98,7 @@ impl<'a> AblationRecords<'a> {
                 continue;
             }
             self.head(text, title, "steps");
-            for steps in std::iter::once(0).chain(adam_steps(&all)) {
+            for steps in std::iter::once(0).chain(adam_passes(&all)) {
                 self.row(text, &steps.to_string(), &|r| Some(AblationRecord::at(curve(r), steps)?.figures));
             }
             text.push('\n');

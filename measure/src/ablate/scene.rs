@@ -8,7 +8,7 @@ use lgs_engine::{
     network::model::Model,
     pipeline::{Marks, NetworkRun, NetworkSettings, Reconstruction, Silent, StageTimes, Watch, run_network},
     recipe::Recipe,
-    refine::{adam::AdamRates, refine_and_measure},
+    refine::{adam::AdamRates, refine_showing},
 };
 use lgs_train::velocity::{TrueVelocities, VelocityErrors};
 
@@ -149,7 +149,7 @@ impl Bench<'_> {
         let (mut scene, mut kept) = (from.clone(), from.clone());
         let mut points = vec![self.point(from, 0, None, 0.0)?];
         let (begun, mut paused, mut failed) = (Instant::now(), 0.0, None);
-        let refined = refine_and_measure(&mut scene, &self.subject.views(), self.model, steps, |scene| {
+        let refined = refine_showing(&mut scene, &self.subject.views(), self.model, steps, |scene| {
             let seconds = begun.elapsed().as_secs_f64();
             match self.point(scene, points.len(), None, seconds - paused) {
                 Ok(point) => points.push(point),
@@ -164,7 +164,7 @@ impl Bench<'_> {
         if let Some(error) = failed {
             return Err(error);
         }
-        for (point, loss) in points.iter_mut().zip(refined.summary.losses) {
+        for (point, loss) in points.iter_mut().zip(refined.losses) {
             point.loss = Some(loss);
         }
         Ok((points, kept))

@@ -64,9 +64,9 @@ impl<'a> Subject<'a> {
     }
 
     /// So many steps of per-scene optimisation by the processor, each over `views_per_step` of the input views, or all.
-    pub fn adam(&self, adam_steps: usize, views_per_step: Option<NonZeroUsize>, seed: u64) -> Run<'static> {
+    pub fn adam(&self, adam_passes: usize, views_per_step: Option<NonZeroUsize>, seed: u64) -> Run<'static> {
         let initial = Run::initial(Mode::Auto.into());
-        let recipe = Recipe { adam_steps, refine_views: views_per_step, device: DeviceChoice::Cpu, ..initial.recipe };
+        let recipe = Recipe { adam_passes, refine_views: views_per_step, device: DeviceChoice::Cpu, ..initial.recipe };
         Run { recipe, seed, ..initial }
     }
 

@@ -77,7 +77,7 @@ impl Bench<'_> {
             let mut scene = from.clone();
             let mut adam = Adam::new(scene.len(), AdamSettings::default());
             (0..self.adam).for_each(|_| {
-                adam.step(&mut scene, &views);
+                adam.pass(&mut scene, &views);
             });
             scene
         });

@@ -81,8 +81,8 @@ mod tests {
 
     use super::*;
 
-    fn run(finished_s: f64, psnr: f64, adam_steps: usize) -> BudgetRun {
-        let recipe = Recipe { adam_steps, ..Recipe::default() };
+    fn run(finished_s: f64, psnr: f64, adam_passes: usize) -> BudgetRun {
+        let recipe = Recipe { adam_passes, ..Recipe::default() };
         BudgetRun { budget_s: 2.0, finished_s, before_s: 0.5, fits: true, recipe, psnr: Some(psnr) }
     }
 

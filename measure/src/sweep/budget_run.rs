@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn a_run_is_read_from_what_inference_writes() {
-        let recipe = Recipe { refine_steps: 1, adam_steps: 4, ..Recipe::default() };
+        let recipe = Recipe { refine_steps: 1, adam_passes: 4, ..Recipe::default() };
         let page = json!({
             "budget": { "budget_s": 2.0, "before_s": 0.5, "fits": true, "finished_s": 1.75, "recipe": recipe },
             "stages_s": { "points": 0.25 },

@@ -240,14 +240,14 @@ fn marked(network: Option<usize>, base: &Setting, adam: &[usize]) -> Vec<Run> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();
     marks.dedup();
-    let setting = |&adam_steps: &usize| {
-        let recipe = Recipe { adam_steps, ..base.recipe };
+    let setting = |&adam_passes: &usize| {
+        let recipe = Recipe { adam_passes, ..base.recipe };
         let whole = Recipe { refine_views: None, refine_reduce: 1, ..recipe };
         Setting { recipe: if recipe.refines() { recipe } else { whole }, ..base.clone() }
     };
     let settings = marks.iter().map(setting);
     let (none, some): (Vec<_>, Vec<_>) =
-        settings.partition(|s| base.recipe.refine_steps > 0 && s.recipe.adam_steps == 0);
+        settings.partition(|s| base.recipe.refine_steps > 0 && s.recipe.adam_passes == 0);
     [none, some].into_iter().filter(|all| !all.is_empty()).map(|settings| Run { network, settings }).collect()
 }
 
@@ -331,8 +331,8 @@ mod tests {
             steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
         };
         let steps = |setting: &Setting| {
-            let Recipe { refine_steps, adam_steps, refine_reduce, .. } = setting.recipe;
-            [refine_steps, adam_steps, refine_reduce]
+            let Recipe { refine_steps, adam_passes, refine_reduce, .. } = setting.recipe;
+            [refine_steps, adam_passes, refine_reduce]
         };
         let found: Vec<Vec<[usize; 3]>> = all.iter().map(|run| run.settings.iter().map(steps).collect()).collect();
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.

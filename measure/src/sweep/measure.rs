@@ -133,7 +133,7 @@ impl Bench<'_> {
         let mut short = run.clone();
         short.settings.truncate(1);
         for setting in &mut short.settings {
-            setting.recipe.adam_steps = setting.recipe.adam_steps.min(1);
+            setting.recipe.adam_passes = setting.recipe.adam_passes.min(1);
         }
         self.pass(&short, &mut |_, _| ())
     }
@@ -142,7 +142,7 @@ impl Bench<'_> {
     fn pass(&self, run: &Run, show: &mut dyn FnMut(&Reconstruction, &StageTimes)) -> Result<()> {
         let Some(last) = run.settings.last() else { return Ok(()) };
         let (model, seed) = (self.model(run, last)?, self.seed);
-        let marks: Vec<usize> = run.settings.iter().map(|setting| setting.recipe.adam_steps).collect();
+        let marks: Vec<usize> = run.settings.iter().map(|setting| setting.recipe.adam_passes).collect();
         let mut watch = Watch::new(&Silent);
         let whole = pipeline::Run { recipe: last.recipe, model, seed, deadline: None };
         begin(self.inputs, &mut watch)?.run(&whole, &mut watch, &marks, show)?;

@@ -38,13 +38,13 @@ impl Setting {
 
     /// Whether it is the same as another but for the steps of per-scene optimisation.
     pub fn differs_in_steps_only(&self, other: &Self) -> bool {
-        let adam_steps = self.recipe.adam_steps;
-        self.weights == other.weights && self.recipe == Recipe { adam_steps, ..other.recipe }
+        let adam_passes = self.recipe.adam_passes;
+        self.weights == other.weights && self.recipe == Recipe { adam_passes, ..other.recipe }
     }
 
     /// Steps of both refinements.
     pub const fn steps(&self) -> usize {
-        self.recipe.refine_steps + self.recipe.adam_steps
+        self.recipe.refine_steps + self.recipe.adam_passes
     }
 
     /// A text that tells it from every other.
@@ -67,7 +67,7 @@ impl Setting {
             LineSearch::Last => parts.push("line search in the last".to_owned()),
             LineSearch::Off => parts.push("no line search".to_owned()),
         }
-        parts.extend((recipe.adam_steps > 0 || !recipe.network).then(|| format!("Adam {}", recipe.adam_steps)));
+        parts.extend((recipe.adam_passes > 0 || !recipe.network).then(|| format!("Adam {}", recipe.adam_passes)));
         parts.extend(recipe.refine_views.map(|views| format!("{views} views a step")));
         parts.extend((!recipe.device.is_auto()).then(|| format!("on {}", String::from(recipe.device))));
         parts.extend((recipe.refine_reduce > 1).then(|| format!("images 1/{}", recipe.refine_reduce)));

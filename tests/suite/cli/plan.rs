@@ -60,7 +60,7 @@ fn expect_recipe(page: &Value, recipe: &Value) -> Outcome {
     for key in ["query", "density", "refine_steps"] {
         expect(key, &config[key], &of_network(key))?;
     }
-    let adam = recipe["adam_steps"].as_u64().unwrap_or(0);
+    let adam = recipe["adam_passes"].as_u64().unwrap_or(0);
     let refiner = match (adam, network) {
         (0, false) => Value::Null,
         (0, true) => json!("learned"),
@@ -104,7 +104,7 @@ fn ample_time() -> Outcome {
         return Err(format!("expected times in their order, found {budget}").into());
     }
     let recipe = &budget["recipe"];
-    let (steps, adam) = (recipe["refine_steps"].to_string(), format!("adam:{}", recipe["adam_steps"]));
+    let (steps, adam) = (recipe["refine_steps"].to_string(), format!("adam:{}", recipe["adam_passes"]));
     let on_off = |key: &str| if recipe[key] == true { "on" } else { "off" };
     let text = |key: &str| recipe[key].as_str().unwrap_or_default();
     let mut flags = vec!["--background", text("background"), "--refine-with", &adam, "--query", on_off("query")];

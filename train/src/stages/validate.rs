@@ -9,7 +9,7 @@ use lgs_engine::{
     network::model::Model,
     pipeline::{HoldOut, MemorySettings, NetworkSettings, Opening, Run, Session, Silent, Watch, run_network},
     recipe::Recipe,
-    refine::refine_and_measure,
+    refine::refine_showing,
     render::DeviceChoice,
     views::{Selection, View},
 };
@@ -67,7 +67,7 @@ impl ValidationClip {
         let settings = NetworkSettings::of(&predicted(model, update), model, 0, None);
         run_network(&mut set, &views, &settings, &mut Watch::new(&Silent))?;
         let (mut after, mut failed) = (vec![self.psnr(&set)?], None);
-        refine_and_measure(&mut set, &views, model, refine_steps, |set| match self.psnr(set) {
+        refine_showing(&mut set, &views, model, refine_steps, |set| match self.psnr(set) {
             Ok(psnr) => after.push(psnr),
             Err(error) => failed = failed.take().or(Some(error)),
         })?;

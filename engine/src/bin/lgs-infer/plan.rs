@@ -30,9 +30,9 @@ impl Plan {
     /// What runs. Steps of per-scene optimisation that only time decides on are the deadline's: recorded times are those without.
     pub(crate) fn run<'a>(&self, model: Option<&'a Model>, seed: u64) -> Run<'a> {
         let chosen = self.budget.as_ref().map(|budget| &budget.chosen);
-        let adam_steps = chosen.map_or(self.recipe.adam_steps, |chosen| chosen.most_adam_steps);
-        let adam_step_s = chosen.map_or(0.0, |chosen| chosen.adam_step_s);
-        let deadline = self.until.map(|until| Deadline { until, adam_steps, adam_step_s });
+        let adam_passes = chosen.map_or(self.recipe.adam_passes, |chosen| chosen.most_adam_passes);
+        let adam_pass_s = chosen.map_or(0.0, |chosen| chosen.adam_pass_s);
+        let deadline = self.until.map(|until| Deadline { until, adam_passes, adam_pass_s });
         Run { recipe: self.recipe, model, seed, deadline }
     }
 
@@ -40,7 +40,7 @@ impl Plan {
     pub(crate) fn record_run(&mut self, made: &Reconstruction, start: Instant) {
         let Some(budget) = &mut self.budget else { return };
         budget.finished_s = start.elapsed().as_secs_f64();
-        self.recipe.adam_steps = made.optimisation.as_ref().map_or(0, |summary| summary.losses.len());
+        self.recipe.adam_passes = made.optimisation.as_ref().map_or(0, |summary| summary.losses.len());
         // A step that was taken back would be again.
         if let Some(refine) =
             made.network.as_ref().map(|network| &network.refine).filter(|refine| !refine.stopped_early)

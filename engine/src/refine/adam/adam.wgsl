@@ -3,9 +3,9 @@
 struct Step {
     // Gaussians, those of the LiDAR branch.
     size: vec4<u32>,
-    // First decay, 1 less it, what the moments are multiplied by.
-    pace: vec4<f32>,
-    // Second decay, 1 less it, what is added to the root, slope of the speed.
+    // First decay, 1 less it, second decay, 1 less it.
+    decays: vec4<f32>,
+    // What is added to the root, slope of the speed.
     more: vec4<f32>,
     // Rates of the 17 variables.
     rates: array<vec4<f32>, 5>,
@@ -20,6 +20,8 @@ struct Step {
 @group(0) @binding(6) var<storage, read_write> first: array<f32>; // [N, VARIABLES]
 @group(0) @binding(7) var<storage, read_write> second: array<f32>;
 @group(0) @binding(8) var<storage, read_write> sums: array<vec2<f32>>; // speed, spoiled gradients of each group
+@group(0) @binding(9) var<storage, read_write> counts: array<u32>; // [N] steps that moved it
+@group(0) @binding(10) var<storage, read> paces: array<vec2<f32>>; // of each such step, what the moments are multiplied by
 
 var<workgroup> parts: array<vec2<f32>, 256>;
 
@@ -122,25 +124,36 @@ fn descended(i: u32) -> vec2<f32> {
     let speed = speed_of(i);
     if (speed > 0.0 && is_finite(speed)) {
         for (var k = 14u; k < VARIABLES; k += 1u) {
-            by_raw[k] += told.more.w * (raw[at + k] / speed);
+            by_raw[k] += told.more.y * (raw[at + k] / speed);
         }
     }
     var is_sound = true;
     for (var k = 0u; k < VARIABLES; k += 1u) {
         is_sound = is_sound && is_finite(by_raw[k]);
     }
+    let result = vec2<f32>(speed, select(1.0, 0.0, is_sound));
+    // What the views do not show stays, and so does what is spoiled.
+    var is_shown = false;
+    for (var k = 0u; k < 14u; k += 1u) {
+        is_shown = is_shown || by_raw[k] != 0.0;
+    }
+    if (!is_sound || !is_shown) {
+        return result;
+    }
+    let pace = paces[counts[i]];
+    counts[i] += 1u;
     for (var k = 0u; k < VARIABLES; k += 1u) {
-        let slope = select(0.0, by_raw[k], is_sound);
-        let m = told.pace.x * first[at + k] + told.pace.y * slope;
-        let s = told.more.x * second[at + k] + told.more.y * slope * slope;
+        let slope = by_raw[k];
+        let m = told.decays.x * first[at + k] + told.decays.y * slope;
+        let s = told.decays.z * second[at + k] + told.decays.w * slope * slope;
         first[at + k] = m;
         second[at + k] = s;
-        let root = sqrt(s * told.pace.w);
+        let root = sqrt(s * pace.y);
         if (root > 0.0) {
-            raw[at + k] -= told.rates[k / 4u][k % 4u] * (m * told.pace.z / (root + told.more.z));
+            raw[at + k] -= told.rates[k / 4u][k % 4u] * (m * pace.x / (root + told.more.x));
         }
     }
-    return vec2<f32>(speed, select(1.0, 0.0, is_sound));
+    return result;
 }
 
 @compute @workgroup_size(256)

@@ -102,7 +102,7 @@ fn depth_maps(metrics: &Metrics) -> String {
 
 /// Who refined: `None` for nobody.
 fn refined_by(recipe: &Recipe) -> Option<String> {
-    match recipe.adam_steps {
+    match recipe.adam_passes {
         0 => recipe.network.then(|| "learned".to_owned()),
         steps => Some(format!("adam:{steps}")),
     }

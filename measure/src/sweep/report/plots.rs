@@ -38,7 +38,7 @@ pub(super) fn plots(rows: &[PointRow]) -> String {
 fn dots(rows: &[PointRow], x: Value, y: Value, spread: fn(&PointRow) -> Option<[f64; 2]>) -> Vec<Dot> {
     let dot = |(row, number): (&PointRow, usize)| {
         let (at_x, at_y) = (x(row)?, y(row)?);
-        let reference_steps = row.setting.is_reference().then_some(row.setting.recipe.adam_steps);
+        let reference_steps = row.setting.is_reference().then_some(row.setting.recipe.adam_passes);
         let name = format!("#{number} {}: {}", row.name, says(row));
         let series = rows.iter().position(|other| other.setting.differs_in_steps_only(&row.setting)).unwrap_or(0);
         Some(Dot { x: at_x, y: at_y, spread: spread(row), row: number, reference_steps, series, name })

@@ -53,13 +53,13 @@ fn lists_and_rules_are_read() {
 fn one_of_two_refines() {
     let steps = |line: &str, base: Recipe| {
         let recipe = parse(line).unwrap().recipe.of(base);
-        [recipe.refine_steps, recipe.adam_steps]
+        [recipe.refine_steps, recipe.adam_passes]
     };
     let usual = Recipe::default();
     assert_eq!(steps("c", usual), [3, 0]);
     assert_eq!(steps("c --refine-with adam:30", usual), [0, 30]);
     assert_eq!(steps("c --refine-with adam:30 --refine-steps 2", usual), [2, 30]);
-    let both = Recipe { refine_steps: 2, adam_steps: 10, ..usual };
+    let both = Recipe { refine_steps: 2, adam_passes: 10, ..usual };
     assert_eq!(steps("c --preset accurate", both), [2, 10]);
     assert_eq!(steps("c --preset accurate --refine-with learned", both), [2, 0]);
     let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe.of(usual);
