@@ -53,7 +53,7 @@ impl Default for AdamRates {
     /// errors 5 % smaller. Thirty steps from the start, three real clips and a test scene: 30.88 to 31.24 dB. Rates of the mean by each Gaussian's
     /// size change less than 0.02 dB. Quaternion and velocity were left where they were.
     fn default() -> Self {
-        Self { mean: 4e-3, quat: 1e-3, log_scale: 2e-1, logit_opacity: 2e-1, logit_colour: 4e-2, velocity: 2e-2 }
+        Self { mean: 4e-3, quat: 3e-3, log_scale: 2.5e-1, logit_opacity: 2e-1, logit_colour: 4e-2, velocity: 5e-3 }
     }
 }
 
