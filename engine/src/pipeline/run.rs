@@ -23,9 +23,9 @@ pub struct Run<'a> {
 pub struct Deadline {
     /// No step begins that would probably end later.
     pub until: Instant,
-    /// Steps of per-scene optimisation that are made where there is time.
+    /// Passes of per-scene optimisation that are made where there is time.
     pub adam_passes: usize,
-    /// Seconds that the first step of per-scene optimisation will probably take, where no learned one has told.
+    /// Seconds that the first pass of per-scene optimisation will probably take, where no learned one has told.
     pub adam_pass_s: f64,
 }
 
@@ -49,7 +49,7 @@ impl Run<'_> {
         Self { recipe: Recipe::initial(start), model: None, seed: 0, deadline: None }
     }
 
-    /// Most steps of per-scene optimisation.
+    /// Most passes of per-scene optimisation.
     pub(super) fn adam_passes(&self) -> usize {
         self.deadline.map_or(self.recipe.adam_passes, |deadline| deadline.adam_passes)
     }

@@ -216,7 +216,7 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
     assert!(watch.times.get(Stage::Render) > 0.0 && watch.times.get(Stage::Evaluate) > 0.0);
 }
 
-/// So many steps of per-scene optimisation.
+/// So many passes of per-scene optimisation.
 fn adam(adam_passes: usize, refine_reduce: usize, deadline: Option<Deadline>) -> Run<'static> {
     let initial = Run::initial(Mode::Auto.into());
     Run { recipe: Recipe { adam_passes, refine_reduce, ..initial.recipe }, deadline, ..initial }

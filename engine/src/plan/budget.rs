@@ -27,11 +27,11 @@ pub struct Budget {
 pub struct Chosen {
     /// The recipe.
     pub recipe: Recipe,
-    /// Steps of per-scene optimisation up to which it pays to go on while there is time.
+    /// Passes of per-scene optimisation up to which it pays to go on while there is time.
     pub most_adam_passes: usize,
     /// Seconds that the recipe will probably take from here on.
     pub expected_s: f64,
-    /// Seconds that one of its steps of per-scene optimisation will probably take; 0 where nothing recorded tells.
+    /// Seconds that one of its passes of per-scene optimisation will probably take; 0 where nothing recorded tells.
     pub adam_pass_s: f64,
     /// Whether that fits: otherwise it is the quickest of all.
     pub fits: bool,
@@ -43,7 +43,7 @@ pub struct Chosen {
     pub slower: f64,
 }
 
-/// The recipe of `record` that is probably best among those that fit, with numbers of steps of per-scene optimisation between recorded
+/// The recipe of `record` that is probably best among those that fit, with numbers of passes of per-scene optimisation between recorded
 /// ones too; the quickest where none does; `None` where there is no recipe for what there is.
 pub fn choose(record: &Record, budget: &Budget) -> Option<Chosen> {
     let Budget { work, left, begin_s, network } = *budget;
@@ -105,7 +105,7 @@ impl Offer {
         alike && self.recipe.adam_passes > adam_passes && self.behind < other.behind
     }
 
-    /// It with as many more steps of per-scene optimisation as fit into `left`, on the line to the next of `offers` that has more and is
+    /// It with as many more passes of per-scene optimisation as fit into `left`, on the line to the next of `offers` that has more and is
     /// better; `None` where there is none, or the next one fits, or nothing that helps does.
     fn prolonged(&self, offers: &[Self], left: f64) -> Option<Self> {
         let longer = offers.iter().filter(|offer| offer.is_longer_and_better(self));

@@ -8,8 +8,8 @@ pub const REFINER: &[&str] = &["refine-with", "refine-steps"];
 
 /// The recipe that flags change where nobody asks for a preset or a budget; `refiner` is whether one of [`REFINER`] is among them.
 ///
-/// With the weights that ship, two learned steps and four of per-scene optimisation in place of the third: in the same time the mean of eight
-/// real clips is 26.50 dB and 1.51 m, where it is 26.28 dB and 1.62 m after three learned steps. Of other weights nothing is known, and what a flag
+/// With the weights that ship, two learned steps and four passes of per-scene optimisation in place of the third:
+/// `measure/NEEDS.md` has the figures. Of other weights nothing is known, and what a flag
 /// asks for comes alone.
 pub fn usual(weights: &ModelSource, refiner: bool) -> Recipe {
     match weights {

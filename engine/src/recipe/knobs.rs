@@ -10,7 +10,7 @@ use crate::densify::Density;
 
 /// Most steps of the learned refinement.
 const MOST_LEARNED: usize = 1000;
-/// Most steps of per-scene optimisation.
+/// Most passes of per-scene optimisation.
 const MOST_ADAM: usize = 100_000;
 /// Most that images may be made smaller by.
 const MOST_REDUCED: usize = 64;
@@ -176,7 +176,7 @@ pub const KNOBS: [Knob; 15] = [
         name: "refine-with",
         usual: "learned",
         value: "learned|adam:N",
-        help: "Who refines: learned: the network, where there is one; adam:N: N steps of per-scene optimisation by the same loss, 0 to 100000, \
+        help: "Who refines: learned: the network, where there is one; adam:N: N passes of per-scene optimisation over the input views, with a step after each view, 0 to 100000, \
                with a network or without; learned steps before them only where they are asked for [default: adam:4 behind two learned steps with \
                the weights that ship, else learned]",
         words: &[],
@@ -195,7 +195,7 @@ pub const KNOBS: [Knob; 15] = [
         },
         get: |recipe| match recipe.adam_passes {
             0 => recipe.network.then(|| json!("learned")),
-            steps => Some(json!(format!("adam:{steps}"))),
+            passes => Some(json!(format!("adam:{passes}"))),
         },
         always: false,
     },
@@ -234,7 +234,7 @@ pub const KNOBS: [Knob; 15] = [
         name: "refine-views",
         usual: "",
         value: "N",
-        help: "Input views that a step of a refinement looks at, in random turns [default: all]",
+        help: "Most input views that a step of a refinement looks at, in random turns [default: all for a learned step, 1 for one of adam:N]",
         words: &[],
         aliases: &[],
         by_budget: true,

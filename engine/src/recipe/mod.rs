@@ -41,7 +41,7 @@ pub struct Recipe {
     pub max_gaussians: Option<Limit>,
     /// Steps of the learned refinement; 0 without a network.
     pub refine_steps: usize,
-    /// Steps of per-scene optimisation after them.
+    /// Passes of per-scene optimisation over the input views after them.
     pub adam_passes: usize,
     /// Most input views that a step looks at; `None` for all in a learned one, and for one in one of per-scene optimisation.
     pub refine_views: Option<NonZeroUsize>,

@@ -56,8 +56,8 @@ pub struct AdamSummary {
 /// steps by a view each go farther than few by all of them: `measure/NEEDS.md` has the figures.
 ///
 /// # Formula
-/// `m <- 0.9 m + 0.1 g`, `s <- 0.999 s + 0.001 g^2`, `x <- x - rate m' / (sqrt(s') + 1e-15)` with the moments' bias taken out. A value
-/// without gradient so far stays where it is.
+/// `m <- 0.9 m + 0.1 g`, `s <- 0.999 s + 0.001 g^2`, `x <- x - rate m' / (sqrt(s') + 1e-15)` with the moments' bias taken out, and rates of
+/// `1 / sqrt(1 + k / 40)` times the usual ones in a Gaussian's step k, from 0 on. A value without gradient so far stays where it is.
 ///
 /// One with a warm start has `m <- 0.6 m + 0.4 g`, leaves m its bias, and has rates of `1.5 / sqrt(1 + k / 2)` times the usual ones in a Gaussian's step k: its steps
 /// begin at half the rate, are longest in the fourth, and grow shorter. Usual first steps go by the sign of the gradient, a whole rate each,

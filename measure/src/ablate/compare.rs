@@ -65,7 +65,7 @@ pub fn comparisons(records: &[AblationRecord]) -> Vec<Comparison> {
     all
 }
 
-/// Numbers of steps of per-scene optimisation that any record has, ascending, without 0.
+/// Numbers of passes of per-scene optimisation that any record has, ascending, without 0.
 pub fn adam_passes(records: &[AblationRecord]) -> Vec<usize> {
     let mut steps: Vec<usize> = records.iter().flat_map(|r| &r.adam).map(|point| point.steps).collect();
     steps.sort_unstable();

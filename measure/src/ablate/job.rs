@@ -52,7 +52,7 @@ pub struct AblationJob<'a> {
     pub lpips: Option<Hashed<'a, Lpips>>,
     /// What is measured on a clip.
     pub settings: Settings,
-    /// Scenes after this many get no more than so many steps of per-scene optimisation.
+    /// Scenes after this many get no more than so many passes of per-scene optimisation.
     pub short: Option<Short>,
     /// Directory of the results.
     pub out: PathBuf,

@@ -190,7 +190,7 @@ impl<'a> AblationRecords<'a> {
     fn seconds(&self, text: &mut String) {
         line(text, "### Seconds (of the machine that measured, other work beside it)");
         text.push_str(
-            "| scenes | initial Gaussians | prediction | 3 learned steps | a step of Adam |\n|---|---|---|---|---|\n",
+            "| scenes | initial Gaussians | prediction | 3 learned steps | a pass of Adam |\n|---|---|---|---|---|\n",
         );
         let own = self.clips.iter().map(|record| (record.clip.clone(), std::slice::from_ref(record)));
         for (name, records) in std::iter::once(("mean scene".to_owned(), self.scenes)).chain(own) {

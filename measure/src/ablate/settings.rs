@@ -14,11 +14,11 @@ pub const STEPS: usize = 3;
 pub struct Settings {
     /// Most steps of the learned refinement, at least [`STEPS`].
     pub refine_steps: usize,
-    /// Numbers of steps of per-scene optimisation after which the held-out views are measured, ascending, without 0.
+    /// Numbers of passes of per-scene optimisation after which the held-out views are measured, ascending, without 0.
     pub adam: Vec<usize>,
     /// Whether per-scene optimisation is also begun at the initial Gaussians, where no network has been.
     pub adam_from_start: bool,
-    /// Views that a step of per-scene optimisation looks at; `None` for all.
+    /// Most views that a step of per-scene optimisation looks at; `None` for one.
     pub adam_views: Option<std::num::NonZeroUsize>,
     /// Scores above which primitives are pruned and copied: the rows of the table of thresholds.
     pub thresholds: Vec<f32>,
@@ -47,7 +47,7 @@ impl Settings {
         }
     }
 
-    /// The settings with no more than `most` steps of per-scene optimisation.
+    /// The settings with no more than `most` passes of per-scene optimisation.
     #[must_use]
     pub fn with_at_most(&self, most: usize) -> Self {
         Self { adam: self.adam.iter().copied().filter(|&steps| steps <= most).collect(), ..self.clone() }

@@ -63,7 +63,7 @@ impl<'a> Subject<'a> {
         Ok(self.session.run(&Run::initial(Mode::Auto.into()), &mut Watch::new(&Silent))?)
     }
 
-    /// So many steps of per-scene optimisation by the processor, each over `views_per_step` of the input views, or all.
+    /// So many passes of per-scene optimisation by the processor, with steps that look at `views_per_step` of the input views, or one.
     pub fn adam(&self, adam_passes: usize, views_per_step: Option<NonZeroUsize>, seed: u64) -> Run<'static> {
         let initial = Run::initial(Mode::Auto.into());
         let recipe = Recipe { adam_passes, refine_views: views_per_step, device: DeviceChoice::Cpu, ..initial.recipe };

@@ -27,7 +27,7 @@ pub struct DensitySettings {
     pub percents: Vec<u32>,
     /// Steps of the learned refinement after it.
     pub refine_steps: usize,
-    /// Steps of per-scene optimisation after it, instead; 0 for none.
+    /// Passes of per-scene optimisation after it, instead; 0 for none.
     pub adam: usize,
     /// Seed of chance.
     pub seed: u64,

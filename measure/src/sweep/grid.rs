@@ -128,9 +128,9 @@ impl Axis {
 pub struct Axes {
     /// Every combination of the values along [`AXES`].
     pub recipes: Vec<Recipe>,
-    /// Numbers of steps of per-scene optimisation from the initial Gaussians.
+    /// Numbers of passes of per-scene optimisation from the initial Gaussians.
     pub adam: Vec<usize>,
-    /// Numbers of steps of per-scene optimisation after the learned refinement.
+    /// Numbers of passes of per-scene optimisation after the learned refinement.
     pub then_adam: Vec<usize>,
 }
 
@@ -158,7 +158,7 @@ pub struct Parts {
     pub line_search: LineSearch,
 }
 
-/// Configurations that one run of the pipeline passes through: the same but for ascending numbers of steps of per-scene optimisation. After
+/// Configurations that one run of the pipeline passes through: the same but for ascending numbers of passes of per-scene optimisation. After
 /// learned steps, none is a run of its own: where some follow, the last learned one is measured with the gradient that the first of them takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
@@ -235,7 +235,7 @@ fn with_model(recipe: Recipe, model: &Parts) -> Recipe {
     }
 }
 
-/// The runs that come to a configuration with each of these numbers of steps of per-scene optimisation.
+/// The runs that come to a configuration with each of these numbers of passes of per-scene optimisation.
 fn marked(network: Option<usize>, base: &Setting, adam: &[usize]) -> Vec<Run> {
     let mut marks = adam.to_vec();
     marks.sort_unstable();

@@ -125,7 +125,7 @@ impl Bench<'_> {
         Ok(all)
     }
 
-    /// Brings caches and pools to where a run leaves them, with at most one step of per-scene optimisation.
+    /// Brings caches and pools to where a run leaves them, with at most one pass of per-scene optimisation.
     ///
     /// # Errors
     /// Those of the pipeline.

@@ -36,7 +36,7 @@ impl Setting {
         self.weights.is_none()
     }
 
-    /// Whether it is the same as another but for the steps of per-scene optimisation.
+    /// Whether it is the same as another but for the passes of per-scene optimisation.
     pub fn differs_in_steps_only(&self, other: &Self) -> bool {
         let adam_passes = self.recipe.adam_passes;
         self.weights == other.weights && self.recipe == Recipe { adam_passes, ..other.recipe }

@@ -218,7 +218,7 @@ fn steps_of_adam_are_those_of_its_formula() -> Outcome {
     let (mut set, views) = scene(LOOK);
     let (views, device) = ([&views[0], &views[1]], on_gpu()?);
     let mut adam = Adam::new(set.len(), AdamSettings { device, ..AdamSettings::default() });
-    let rates = [[4e-3; 3].as_slice(), &[1e-3; 4], &[0.2; 4], &[4e-2; 3], &[2e-2; 3]].concat();
+    let rates = [[4e-3; 3].as_slice(), &[3e-3; 4], &[0.25; 3], &[0.2], &[4e-2; 3], &[5e-3; 3]].concat();
     let (mut moments, mut counts) = (vec![[[0.0_f64; 2]; 17]; set.len()], vec![0; set.len()]);
     for step in 1..=3 {
         let wanted = Wanted { gradient: true, device, ..Wanted::default() };
@@ -242,8 +242,8 @@ fn steps_of_adam_are_those_of_its_formula() -> Outcome {
                 *first = 0.9 * *first + 0.1 * f64::from(slope);
                 *second = 0.999 * *second + 0.001 * f64::from(slope).powi(2);
                 let unbiased = [*first / (1.0 - 0.9_f64.powi(step)), *second / (1.0 - 0.999_f64.powi(step))];
-                let length =
-                    if unbiased[1] > 0.0 { rates[k] * unbiased[0] / (unbiased[1].sqrt() + 1e-15) } else { 0.0 };
+                let rate = rates[k] / (1.0 + f64::from(step - 1) / 40.0).sqrt();
+                let length = if unbiased[1] > 0.0 { rate * unbiased[0] / (unbiased[1].sqrt() + 1e-15) } else { 0.0 };
                 got.push((new[k] - old[k]) / rates[k]);
                 // A value has so many digits, and a step that is taken from it no more.
                 want.push((f64::from(narrow(old[k] - length)) - old[k]) / rates[k]);

@@ -27,7 +27,7 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// What runs. Steps of per-scene optimisation that only time decides on are the deadline's: recorded times are those without.
+    /// What runs. Passes of per-scene optimisation that only time decides on are the deadline's: recorded times are those without.
     pub(crate) fn run<'a>(&self, model: Option<&'a Model>, seed: u64) -> Run<'a> {
         let chosen = self.budget.as_ref().map(|budget| &budget.chosen);
         let adam_passes = chosen.map_or(self.recipe.adam_passes, |chosen| chosen.most_adam_passes);

@@ -27,7 +27,11 @@ impl Pace {
         if warm_start {
             Self { beta_1: BETA_1[1], unbiased: [1.0, second], rate: 1.5 / (1.0 + step / 2.0).sqrt() }
         } else {
-            Self { beta_1: BETA_1[0], unbiased: [1.0 - BETA_1[0].powf(step), second], rate: 1.0 }
+            Self {
+                beta_1: BETA_1[0],
+                unbiased: [1.0 - BETA_1[0].powf(step), second],
+                rate: 1.0 / (1.0 + done as f64 / 40.0).sqrt(),
+            }
         }
     }
 
@@ -55,6 +59,15 @@ mod tests {
             assert!((first.step(&mut [0.0; 2], -gradient) + 1.0).abs() < 1e-3);
         }
         assert_eq!(first.step(&mut [0.0; 2], 0.0), 0.0);
+    }
+
+    #[test]
+    fn usual_steps_are_half_as_long_after_120() {
+        let rates = [0, 40, 120].map(|done| Pace::of_step(done, false).rate);
+        assert!(
+            rates.iter().zip([1.0, 0.5_f64.sqrt(), 0.5]).all(|(rate, want)| (rate - want).abs() < 1e-12),
+            "{rates:?}"
+        );
     }
 
     #[test]

@@ -104,7 +104,7 @@ fn depth_maps(metrics: &Metrics) -> String {
 fn refined_by(recipe: &Recipe) -> Option<String> {
     match recipe.adam_passes {
         0 => recipe.network.then(|| "learned".to_owned()),
-        steps => Some(format!("adam:{steps}")),
+        passes => Some(format!("adam:{passes}")),
     }
 }
 

@@ -61,16 +61,16 @@ pub(crate) struct AblateArgs {
     /// Most steps of the learned refinement
     #[arg(long, value_name = "N", default_value_t = 5)]
     pub(crate) refine_steps: usize,
-    /// Numbers of steps of per-scene optimisation (Adam) after which the held-out views are measured
+    /// Numbers of passes of per-scene optimisation (Adam) after which the held-out views are measured
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_values_t = [3, 10, 30, 60, 100, 200, 300])]
     pub(crate) adam: Vec<usize>,
     /// Begins per-scene optimisation at the initial Gaussians too
     #[arg(long)]
     pub(crate) adam_from_start: bool,
-    /// Input views that a step of per-scene optimisation looks at, in random turns [default: all]
+    /// Input views that a step of per-scene optimisation looks at, in random turns [default: 1]
     #[arg(long, value_name = "N")]
     pub(crate) adam_views: Option<std::num::NonZeroUsize>,
-    /// Most steps of per-scene optimisation on scenes after the first --long-scenes [default: no limit]
+    /// Most passes of per-scene optimisation on scenes after the first --long-scenes [default: no limit]
     #[arg(long, value_name = "N")]
     pub(crate) adam_most: Option<usize>,
     /// Scenes that --adam-most does not concern

@@ -31,7 +31,7 @@ pub(crate) struct DensityArgs {
     /// Steps of the learned refinement after it
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) refine_steps: usize,
-    /// Steps of per-scene optimisation after it, instead; 0: not measured
+    /// Passes of per-scene optimisation after it, instead; 0: not measured
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub(crate) adam: usize,
     /// Seed of chance

@@ -12,7 +12,7 @@ pub(crate) struct GridArgs {
     #[command(flatten)]
     recipes: RecipesArgs,
 
-    /// Steps of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
+    /// Passes of per-scene optimisation from the initial Gaussians, the reference; `--no-adam` leaves it out
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10,20,30", value_parser = steps::<100_000>)]
     adam: Vec<usize>,
 
@@ -20,7 +20,7 @@ pub(crate) struct GridArgs {
     #[arg(long)]
     no_adam: bool,
 
-    /// Steps of per-scene optimisation after the learned refinement
+    /// Passes of per-scene optimisation after the learned refinement
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "0,2,5,10", value_parser = steps::<100_000>)]
     then_adam: Vec<usize>,
 }

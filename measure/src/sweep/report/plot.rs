@@ -22,7 +22,7 @@ pub(super) struct Dot {
     pub(super) spread: Option<[f64; 2]>,
     /// Number of its row in the table, from 1.
     pub(super) row: usize,
-    /// Steps of per-scene optimisation; `None` for the others.
+    /// Passes of per-scene optimisation; `None` for the others.
     pub(super) reference_steps: Option<usize>,
     /// Dots of per-scene optimisation with the same number are joined.
     pub(super) series: usize,
