@@ -238,7 +238,9 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
         made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
         let before = made.scene.clone();
-        optimise(&mut made, &inputs, &adam(1, 1, None));
+        let mut run = adam(1, 1, None);
+        run.recipe.refine_views = NonZeroUsize::new(inputs.views().len());
+        optimise(&mut made, &inputs, &run);
         let colours = |scene: &GaussianSet| -> Vec<f32> {
             scene.attributes.iter().flat_map(|row| row[LOGIT_COLOUR].to_vec()).collect()
         };

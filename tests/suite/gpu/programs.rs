@@ -12,27 +12,33 @@ pub(super) const CASES: &[Case] = &[
     ("a_gpu_that_is_not_there_is_refused", a_gpu_that_is_not_there_is_refused),
 ];
 
-/// Largest difference of held-out PSNR, dB.
-const MOST_APART_DB: f64 = 0.02;
+/// Views of a step of Adam, and the largest difference of held-out PSNR, dB. A step goes by the sign of a gradient however small it is, and what a view
+/// hardly shows has one of rounding: by one view of this small clip each, single runs differ by up to 0.03 dB.
+const MOST_APART_DB: [(&str, f64); 2] = [("9", 0.02), ("1", 0.1)];
 
 fn flag() -> Result<String, String> {
     let index = adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().index;
     Ok(format!("gpu:{index}"))
 }
 
-/// The page of a run on the street with two steps of either refinement.
-fn infer(device: &str) -> Result<Value, libtest_mimic::Failed> {
+/// The page of a run on the street with two learned steps and two passes of Adam.
+fn infer(device: &str, views: &str) -> Result<Value, libtest_mimic::Failed> {
     let place = tempfile::tempdir()?;
     let (clip, out) = (clips::street(), place.path().join("out"));
-    let flags = "--image-size 64x96 --hold-out odd --refine-with adam:2 --refine-steps 2 --views held-out --device";
+    let flags =
+        "--image-size 64x96 --hold-out odd --refine-with adam:2 --refine-steps 2 --views held-out --refine-views";
     let mut arguments = vec![clip.into_os_string(), "--out".into(), out.clone().into_os_string()];
-    arguments.extend(flags.split(' ').chain([device]).map(Into::into));
+    arguments.extend(flags.split(' ').chain([views, "--device", device]).map(Into::into));
     run(&binary("lgs-infer")?, &arguments, places::repository())?.expect_success()?;
     Ok(metrics::read(&out)?)
 }
 
 fn infer_reaches_the_cpus_figures() -> Outcome {
-    let (got, want) = (infer(&flag()?)?, infer("cpu")?);
+    MOST_APART_DB.into_iter().try_for_each(|(views, most)| figures_agree(views, most))
+}
+
+fn figures_agree(views: &str, most: f64) -> Outcome {
+    let (got, want) = (infer(&flag()?, views)?, infer("cpu", views)?);
     let name = adapter::gpu().map_err(|needed| format!("{needed:?}"))?.adapter().name.clone();
     let drawn_on = |page: &Value| page["drawn_on"]["device"].as_str().unwrap_or_default().to_owned();
     if !drawn_on(&got).starts_with(&name) || got["drawn_on"].get("refused").is_some() || drawn_on(&want) != "CPU" {
@@ -40,8 +46,8 @@ fn infer_reaches_the_cpus_figures() -> Outcome {
     }
     let psnr = |page: &Value| metrics::number(page, &["mean", "held_out", "psnr"]);
     let (got, want) = (psnr(&got)?, psnr(&want)?);
-    if (got - want).abs() > MOST_APART_DB {
-        return Err(format!("held-out PSNR {got} dB on the GPU, {want} dB by the CPU").into());
+    if (got - want).abs() > most {
+        return Err(format!("{views} views a step: held-out PSNR {got} dB on the GPU, {want} dB by the CPU").into());
     }
     Ok(())
 }
