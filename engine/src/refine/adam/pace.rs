@@ -4,6 +4,9 @@ use lgs_formats::casts::to_f32;
 
 /// Decay of the mean of the gradients, and that of one with a warm start.
 const BETA_1: [f64; 2] = [0.9, 0.6];
+/// Steps after which usual ones are shorter by the square root of 2: by single views they have to grow short to settle. From 20 to 60 the mean PSNR of three
+/// real clips and a procedural scene is the same within 0.01 dB.
+const SLOWING: f64 = 40.0;
 /// Decay of the mean of their squares.
 pub(super) const BETA_2: f64 = 0.999;
 /// Relative to the square root of the second moment: small, because gradients of a mean over pixels are small themselves.
@@ -30,7 +33,7 @@ impl Pace {
             Self {
                 beta_1: BETA_1[0],
                 unbiased: [1.0 - BETA_1[0].powf(step), second],
-                rate: 1.0 / (1.0 + done as f64 / 40.0).sqrt(),
+                rate: 1.0 / (1.0 + done as f64 / SLOWING).sqrt(),
             }
         }
     }
