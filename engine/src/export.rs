@@ -168,6 +168,7 @@ mod tests {
             camera_from_clip,
             time: 0.5,
             shutter: None,
+            pixel_side: 1.0,
         };
         let image = RgbImage { width: 4, height: 2, data: vec![0.0; 24] };
         let (camera, role) = ("front".to_owned(), Role::Input);

@@ -2,6 +2,7 @@
 
 pub mod adam;
 mod lengths;
+mod pixel_stride;
 mod summary;
 mod view_schedule;
 
@@ -21,10 +22,11 @@ use crate::objective::{Objective, Wanted, objective_keeping};
 use crate::ops::tensors::of_rows;
 use crate::predict::add_outputs;
 use crate::render::{MemoryEstimate, Pass};
-use crate::views::{View, at_factor};
+use crate::views::{View, strided};
 
 use lengths::{Before, step_lengths_with};
 pub use lengths::{lengthen, step_lengths};
+pub use pixel_stride::PixelStride;
 pub use summary::{LastStep, LineSearch, RefineSeconds, RefineSettings, RefineSummary};
 pub use view_schedule::ViewSchedule;
 
@@ -91,9 +93,10 @@ pub fn refine_showing(
         return Ok(RefineSummary::default());
     }
     set.check_finite()?;
-    let reduced = at_factor(views, settings.reduce);
-    let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
-    let mut refinement = Refinement::new(model, settings);
+    let stride = settings.pixel_stride.of(views);
+    let drawn = strided(views, stride, 0);
+    let views: Vec<&View> = drawn.iter().map(Cow::as_ref).collect();
+    let mut refinement = Refinement::new(model, settings, stride);
     // Steps that look at all views are measured: only one that lowers the loss is accepted.
     let is_measured = settings.schedule.take_all(views.len());
     let mut carried = None;
@@ -135,13 +138,13 @@ struct Refinement<'a, 'v> {
 }
 
 impl<'a, 'v> Refinement<'a, 'v> {
-    fn new(model: &'a Model, settings: RefineSettings) -> Self {
+    fn new(model: &'a Model, settings: RefineSettings, pixel_stride: usize) -> Self {
         Self {
             model,
             settings,
             pyramids: Default::default(),
             kept: Kept::with_drawn(),
-            summary: RefineSummary::default(),
+            summary: RefineSummary { pixel_stride, ..RefineSummary::default() },
         }
     }
 

@@ -126,16 +126,16 @@ fn execute(command: &str, directory: &Path) -> Result<Finished, String> {
 }
 
 fn parser() -> Outcome {
-    let page = "a\n```sh\n# a comment\ncargo run --release --bin x -- a \\\n  --b 1\n\nls\n```\n```json\n{}\n```\n```sh\npwd\n```\n\
+    let page = "a\n```sh\n# a comment\ncargo run --release --bin x -- 'a;c=1' \\\n  --b 1\n\nls\n```\n```json\n{}\n```\n```sh\npwd\n```\n\
                 see `out/a.png`, `out/b c`, `else/x`, `out/a.png`";
     let block = |line, commands: &[&str]| Block { line, commands: commands.iter().map(|&c| c.to_owned()).collect() };
-    let want = vec![block(2, &["cargo run --release --bin x -- a --b 1", "ls"]), block(12, &["pwd"])];
+    let want = vec![block(2, &["cargo run --release --bin x -- 'a;c=1' --b 1", "ls"]), block(12, &["pwd"])];
     let got = shell_blocks(page);
     if got != want {
         return Err(format!("got {got:#?}, want {want:#?}").into());
     }
     let binary = built_binary(&got[0].commands[0]);
-    let want = ("x".to_owned(), ["a", "--b", "1"].map(str::to_owned).to_vec());
+    let want = ("x".to_owned(), ["a;c=1", "--b", "1"].map(str::to_owned).to_vec());
     if binary != Some(want) || built_binary("cargo build --release").is_some() {
         return Err(format!("got {binary:?}").into());
     }

@@ -10,8 +10,8 @@ use lgs_tests::{Outcome, case, metrics};
 use libtest_mimic::{Failed, Trial};
 use serde_json::Value;
 
-const FLAGS: &str = "--scaling --out out --weights w.safetensors --points 2000,8000,40000 --fixed-points 2000 --fixed-image-size 32x64 \
-                     --image-sizes 32x64,64x128,160x320 --repeats 2";
+const FLAGS: &str = "--scaling --out out --weights w.safetensors --points 2000,8000,24000 --fixed-points 2000 --fixed-image-size 32x64 \
+                     --image-sizes 32x64,64x128,128x256 --repeats 2";
 const SIZES: usize = 5;
 
 pub(crate) fn cases() -> Vec<Trial> {

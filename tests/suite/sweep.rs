@@ -49,7 +49,7 @@ fn place() -> Result<tempfile::TempDir, Failed> {
 
 fn arguments<'a>(clip: &'a Path, more: &[&'a str]) -> Vec<&'a OsStr> {
     let fixed = ["--weights", "w.safetensors", "--query", "on", "--background", "auto"];
-    let refined = ["--then-adam", "0,1", "--refine-reduce", "2"];
+    let refined = ["--then-adam", "0,1", "--pixel-stride", "2"];
     let words = GRID.iter().chain(&fixed).chain(&refined).chain(more).map(|word| OsStr::new(*word));
     [clip.as_os_str()].into_iter().chain(words).collect()
 }

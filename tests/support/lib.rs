@@ -1,5 +1,7 @@
 //! What the suite and the benches share: places, goldens, comparisons, scenes, processes.
 
+use std::time::Instant;
+
 pub mod browser;
 pub mod clips;
 pub mod compare;
@@ -24,9 +26,23 @@ pub mod weights;
 pub type Outcome = Result<(), libtest_mimic::Failed>;
 
 /// A case that runs.
+#[expect(clippy::print_stderr, reason = "what a slow case takes stands between the lines of the report")]
 pub fn case(name: impl Into<String>, body: impl FnOnce() -> Outcome + Send + 'static) -> libtest_mimic::Trial {
-    libtest_mimic::Trial::test(name, body)
+    let name = name.into();
+    let told = name.clone();
+    libtest_mimic::Trial::test(name, move || {
+        let start = Instant::now();
+        let outcome = body();
+        let seconds = start.elapsed().as_secs_f64();
+        if seconds >= SLOW_S {
+            eprintln!("{seconds:.0} s: {told}");
+        }
+        outcome
+    })
 }
+
+/// From so many seconds on a case says what it took, since all of them together have to stay below some minutes.
+const SLOW_S: f64 = 5.0;
 
 /// A case that runs when `needed` is there and shows as ignored, with what is missing as its kind, when it is not.
 pub fn case_if(

@@ -31,8 +31,16 @@ const TOP: [&str; 14] = [
 const FINDINGS: [&str; 6] = ["lidar_turn", "lenses", "calibration", "mounts", "photometry", "dropped_returns"];
 /// What a network adds.
 const NETWORK: [&str; 3] = ["query_skipped", "set_update_skipped", "refine"];
-const REFINE: [&str; 7] =
-    ["losses", "steps", "stopped_early", "unseen", "pyramids_kept", "non_finite_gradients", "non_finite_outputs"];
+const REFINE: [&str; 8] = [
+    "losses",
+    "pixel_stride",
+    "steps",
+    "stopped_early",
+    "unseen",
+    "pyramids_kept",
+    "non_finite_gradients",
+    "non_finite_outputs",
+];
 const REFINE_STAGES: [&str; 3] = ["refine_render", "refine_loss", "refine_network"];
 const GAUSSIANS: [&str; 7] = ["returns", "initial", "pruned", "added", "final", "background_pruned", "background"];
 const STAGES: [&str; 10] =
@@ -96,7 +104,7 @@ pub fn expect_network_keys(page: &Value) -> Outcome {
 /// Fails unless the page of a run with a per-scene optimisation, and no network, has exactly the keys that it adds.
 pub fn expect_optimised_keys(page: &Value) -> Outcome {
     expect_keys("metrics.json", page, &[TOP.as_slice(), &["optimisation"]].concat())?;
-    expect_keys("optimisation", &page["optimisation"], &["losses", "non_finite_gradients"])?;
+    expect_keys("optimisation", &page["optimisation"], &["losses", "pixel_stride", "non_finite_gradients"])?;
     expect_keys("stages_s", &page["stages_s"], &[STAGES.as_slice(), &REFINE_STAGES].concat())
 }
 

@@ -50,13 +50,17 @@ pub fn named_paths(page: &str, directory: &str) -> Vec<String> {
 }
 
 /// What a command becomes when the binaries are built already: the binary's name and its arguments, for a command of the
-/// form `cargo run --release [-q] [-p PACKAGE] --bin NAME -- ARGUMENTS`.
+/// form `cargo run --release [-q] [-p PACKAGE] --bin NAME -- ARGUMENTS`. Quotes around a whole argument go, as in a shell; none has a space in it.
 pub fn built_binary(command: &str) -> Option<(String, Vec<String>)> {
     let (cargo, arguments) = command.strip_prefix("cargo run ")?.split_once(" -- ")?;
     let mut words = cargo.split_whitespace();
     words.find(|word| *word == "--bin")?;
     let name = words.next()?.to_owned();
-    Some((name, arguments.split_whitespace().map(str::to_owned).collect()))
+    let unquoted = |word: &str| {
+        let inner = word.strip_prefix('\'').and_then(|word| word.strip_suffix('\''));
+        inner.unwrap_or(word).to_owned()
+    };
+    Some((name, arguments.split_whitespace().map(unquoted).collect()))
 }
 
 /// A link of a page.

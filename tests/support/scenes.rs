@@ -159,6 +159,7 @@ pub fn pinhole(camera: &Camera) -> PinholeView {
         camera_from_clip: camera.camera_from_world.map(|row| row.map(narrow)),
         time: narrow(camera.time),
         shutter: None,
+        pixel_side: 1.0,
     }
 }
 

@@ -50,6 +50,7 @@ fn view_of(picture: &RgbImage) -> View {
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
         shutter: None,
+        pixel_side: 1.0,
     };
     View {
         frame: 0,

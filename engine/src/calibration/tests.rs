@@ -30,6 +30,7 @@ fn view(x: f32, change: &Change) -> View {
         camera_from_clip: [[1.0, 0.0, 0.0, -x], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
         shutter: None,
+        pixel_side: 1.0,
     };
     let turn = glam::DQuat::from_scaled_axis(glam::DVec3::new(change[0], change[1], change[2]));
     let centre = glam::DVec3::new(f64::from(x) + change[3], change[4], change[5]);

@@ -124,7 +124,7 @@ impl<'a> NetworkSettings<'a> {
             refine: RefineSettings {
                 steps: recipe.refine_steps,
                 schedule: recipe.view_schedule(seed),
-                reduce: recipe.refine_reduce,
+                pixel_stride: recipe.pixel_stride,
                 until,
                 line_search: recipe.line_search,
                 last: if recipe.adam_passes > 0 { LastStep::Kept } else { LastStep::Checked },

@@ -5,16 +5,31 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Deadline, Inputs, Marks, MemorySettings, Reconstruction, Run, Stage, Watch, check_refinement};
+use super::{Inputs, Marks, MemorySettings, Reconstruction, Run, Stage, Watch, check_refinement};
 use crate::{
     error::Result,
     refine::{
         RefineSummary,
-        adam::{Adam, AdamRates, AdamSettings},
+        adam::{Adam, AdamRates, AdamSettings, AdamSummary},
     },
     render::{MemoryEstimate, Pass},
-    views::{View, at_factor},
+    views::{View, strided},
 };
+
+/// Every so many passes one looks at all pixels, whatever the stride.
+const ALL_EVERY: usize = 4;
+
+/// Seconds of a pass over some of the pixels, and over all.
+struct PassSeconds {
+    fewer: f64,
+    all: f64,
+}
+
+/// The views of the passes that look at every so many pixels, by turns; none where a pass looks at all.
+fn turns<'a>(views: &[&'a View], stride: usize, passes: usize) -> Vec<Vec<Cow<'a, View>>> {
+    let count = if stride > 1 { passes.min(stride * stride) } else { 0 };
+    (0..count).map(|turn| strided(views, stride, turn)).collect()
+}
 
 impl Reconstruction {
     /// Optimises the scene over the input views, in place: as many steps, with such views, as the recipe of `run` says, or those that its
@@ -30,12 +45,17 @@ impl Reconstruction {
         watch: &mut Watch<'_>,
         marks: Marks<'_>,
     ) -> Result<()> {
-        let (steps, reduce) = (run.adam_passes(), run.recipe.refine_reduce);
+        let steps = run.adam_passes();
         check_refinement([self.scene.num_lidar, self.scene.num_background()], None, MemorySettings::default())?;
         let (start, mut waited) = (Instant::now(), Duration::ZERO);
-        // A step draws the views once, as the learned refinement has.
+        let full: Vec<&View> = inputs.views().iter().collect();
+        let stride = watch.time(Stage::Refine, |_| run.recipe.pixel_stride.of(&full));
+        let fewer = watch.time(Stage::Refine, |_| turns(&full, stride, steps));
+        let fewer: Vec<Vec<&View>> = fewer.iter().map(|views| views.iter().map(Cow::as_ref).collect()).collect();
+        // A pass draws the views once, as a learned step has.
         let refined = self.network.as_ref().and_then(|network| RefineSummary::drawing_s(&network.refine));
-        let mut pass_s = refined.or(run.deadline.map(|deadline| deadline.adam_pass_s)).unwrap_or(0.0);
+        let pass_s = refined.or(run.deadline.map(|deadline| deadline.adam_pass_s)).unwrap_or(0.0);
+        let mut seconds = PassSeconds { fewer: pass_s, all: pass_s * (stride * stride) as f64 };
         let settings = AdamSettings {
             rates,
             schedule: run.recipe.adam_schedule(run.seed),
@@ -45,25 +65,25 @@ impl Reconstruction {
         let mut adam = Adam::new(self.scene.len(), settings);
         let (before, refine_before) = (self.seconds, watch.times.refine);
         watch.progress.begin(Stage::Refine, steps);
-        let full: Vec<&View> = inputs.views().iter().collect();
-        let reduced = watch.time(Stage::Refine, |_| at_factor(&full, reduce));
-        let views: Vec<&View> = reduced.iter().map(Cow::as_ref).collect();
         for step in 1..=steps {
             let begun = Instant::now();
-            let late = |deadline: Deadline| begun + Duration::from_secs_f64(pass_s) > deadline.until;
-            if run.deadline.is_some_and(late) {
+            let (views, pass_s) = match fewer.get((step - 1 - step / ALL_EVERY) % fewer.len().max(1)) {
+                Some(views) if step % ALL_EVERY != 0 => (views, &mut seconds.fewer),
+                _ => (&full, &mut seconds.all),
+            };
+            if run.deadline.is_some_and(|deadline| begun + Duration::from_secs_f64(*pass_s) > deadline.until) {
                 break;
             }
             let pinholes = views.iter().map(|view| &view.pinhole);
             watch.time(Stage::Refine, |_| MemoryEstimate::of_set(&self.scene).check(pinholes, Pass::Gradient))?;
             watch.time(Stage::Refine, |progress| {
-                adam.pass_ahead(&mut self.scene, &views);
+                adam.pass_ahead(&mut self.scene, views);
                 if marks.steps.contains(&step) {
-                    adam.settle(&mut self.scene, &views);
+                    adam.settle(&mut self.scene);
                 }
                 progress.step(Stage::Refine);
             });
-            pass_s = begun.elapsed().as_secs_f64();
+            *pass_s = begun.elapsed().as_secs_f64();
             let asked = Instant::now();
             watch.times.refine = refine_before;
             watch.times.add_refine(adam.summary().seconds);
@@ -73,10 +93,10 @@ impl Reconstruction {
             }
             waited += asked.elapsed();
         }
-        watch.time(Stage::Refine, |_| adam.settle(&mut self.scene, &views));
+        watch.time(Stage::Refine, |_| adam.settle(&mut self.scene));
         watch.progress.end(Stage::Refine);
         let summary = adam.into_summary();
-        self.optimisation = (!summary.losses.is_empty()).then_some(summary);
+        self.optimisation = (!summary.losses.is_empty()).then_some(AdamSummary { pixel_stride: stride, ..summary });
         self.seconds = before + (start.elapsed() - waited).as_secs_f64();
         Ok(())
     }

@@ -28,7 +28,7 @@ use crate::{
     error::{EngineError, Result},
     gaussians::{GaussianSet, LOGIT_COLOUR, background::Mode, physical::to_physical},
     recipe::Recipe,
-    refine::{RefineSummary, adam::AdamRates},
+    refine::{PixelStride, RefineSummary, adam::AdamRates},
     render::Device,
     views::{ClipFrame, Role, SelectedFrames, Selection, View, load_views},
 };
@@ -217,9 +217,9 @@ fn views_come_back_in_order_with_figures_only_where_there_is_truth() {
 }
 
 /// So many passes of per-scene optimisation.
-fn adam(adam_passes: usize, refine_reduce: usize, deadline: Option<Deadline>) -> Run<'static> {
+fn adam(adam_passes: usize, pixel_stride: PixelStride, deadline: Option<Deadline>) -> Run<'static> {
     let initial = Run::initial(Mode::Auto.into());
-    Run { recipe: Recipe { adam_passes, refine_reduce, ..initial.recipe }, deadline, ..initial }
+    Run { recipe: Recipe { adam_passes, pixel_stride, ..initial.recipe }, deadline, ..initial }
 }
 
 fn optimise(made: &mut Reconstruction, inputs: &Inputs, run: &Run<'_>) {
@@ -238,7 +238,7 @@ fn a_scene_is_optimised_gently_where_learned_steps_have_refined_it() {
         let refined = |steps| RefineSummary { steps, ..RefineSummary::default() };
         made.network = learned_steps.map(|k| NetworkSummary { refine: refined(k), ..NetworkSummary::default() });
         let before = made.scene.clone();
-        let mut run = adam(1, 1, None);
+        let mut run = adam(1, PixelStride::ALL, None);
         run.recipe.refine_views = NonZeroUsize::new(inputs.views().len());
         optimise(&mut made, &inputs, &run);
         let colours = |scene: &GaussianSet| -> Vec<f32> {
@@ -263,7 +263,7 @@ fn every_pass_looks_at_every_view_by_one_step_each_or_by_as_many_as_are_asked_fo
     assert!(num_views > 1);
     let optimised = |refine_views: Option<usize>, seed: u64| {
         let mut made = held.reconstruct();
-        let mut run = Run { seed, ..adam(3, 1, None) };
+        let mut run = Run { seed, ..adam(3, PixelStride::ALL, None) };
         run.recipe.refine_views = refine_views.and_then(NonZeroUsize::new);
         optimise(&mut made, &inputs, &run);
         (made.scene, made.optimisation.unwrap().losses)
@@ -287,6 +287,6 @@ fn no_pass_begins_without_time_for_it() {
     let inputs = held.inputs(held.views(Role::Input).unwrap()).unwrap();
     let mut made = held.reconstruct();
     let deadline = Some(Deadline { until: std::time::Instant::now(), adam_passes: 9, adam_pass_s: 1.0 });
-    optimise(&mut made, &inputs, &adam(0, 1, deadline));
+    optimise(&mut made, &inputs, &adam(0, PixelStride::ALL, deadline));
     assert!(made.optimisation.is_none() && made.scene == held.reconstruct().scene);
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     densify::{Density, Limit, Scope, Thresholds},
     gaussians::{Coarseness, Start, background::Mode},
-    refine::{LineSearch, ViewSchedule},
+    refine::{LineSearch, PixelStride, ViewSchedule},
     render::{Device, DeviceChoice},
 };
 
@@ -45,8 +45,9 @@ pub struct Recipe {
     pub adam_passes: usize,
     /// Most input views that a step looks at; `None` for all in a learned one, and for one in one of per-scene optimisation.
     pub refine_views: Option<NonZeroUsize>,
-    /// How many times smaller in width and height the images are that a step looks at.
-    pub refine_reduce: usize,
+    /// Which pixels of the images a step looks at.
+    #[serde(default, skip_serializing_if = "PixelStride::is_auto")]
+    pub pixel_stride: PixelStride,
     /// Learned steps whose lengths are searched for.
     #[serde(default, skip_serializing_if = "LineSearch::is_auto")]
     pub line_search: LineSearch,
@@ -73,7 +74,7 @@ impl Default for Recipe {
             refine_steps: 3,
             adam_passes: 0,
             refine_views: None,
-            refine_reduce: 1,
+            pixel_stride: PixelStride::Auto,
             line_search: LineSearch::Auto,
             device: DeviceChoice::Auto,
             device_memory: None,
@@ -102,6 +103,11 @@ impl Recipe {
     /// Whether anybody refines.
     pub const fn refines(&self) -> bool {
         (self.network && self.refine_steps > 0) || self.adam_passes > 0
+    }
+
+    /// Whether anybody draws the input views: to refine, or to see which Gaussians they need.
+    pub fn draws_inputs(&self) -> bool {
+        self.refines() || (self.network && self.density == Density::Exact)
     }
 
     /// Where views are drawn, held to the memory that it may take.
@@ -180,8 +186,9 @@ mod tests {
         );
         let policy = usual.with_density(Density::Policy);
         assert!(policy.flags().contains(&as_flags("density policy, refine-steps 3")));
-        let adam = Recipe { network: false, background: Mode::Gaps, adam_passes: 30, refine_reduce: 2, ..usual };
-        assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, refine-reduce 2"));
+        let adam =
+            Recipe { network: false, background: Mode::Gaps, adam_passes: 30, pixel_stride: PixelStride::ALL, ..usual };
+        assert_eq!(adam.flags(), as_flags("weights none, background gaps, refine-with adam:30, pixel-stride 1"));
         let quicker = Recipe { line_search: LineSearch::Last, adam_passes: 2, ..usual };
         assert!(quicker.flags().ends_with(&as_flags("refine-with adam:2, refine-steps 3, line-search last")));
         let eager = Recipe { thresholds: Thresholds { prune: 0.9, add: 0.5 }, ..policy };

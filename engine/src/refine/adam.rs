@@ -42,6 +42,8 @@ pub struct AdamSettings {
 pub struct AdamSummary {
     /// Of each pass, the mean over the views of the loss before the step that looked at them.
     pub losses: Vec<f64>,
+    /// How far apart the pixels were that it drew, in columns and rows; every fourth pass drew all.
+    pub pixel_stride: usize,
     /// Gaussians whose gradient was not finite and was taken as zero, over all steps.
     pub non_finite_gradients: usize,
     /// What it took; no result, so not part of what is written of one.
@@ -78,6 +80,9 @@ pub struct Adam<'v> {
     /// The scene and its moments on a GPU, where steps are made there.
     #[cfg(feature = "gpu")]
     there: Option<gpu::There>,
+    /// What the steps looked at that only the GPU has made.
+    #[cfg(feature = "gpu")]
+    ahead: Vec<Vec<&'v View>>,
     summary: AdamSummary,
 }
 
@@ -101,15 +106,17 @@ impl<'v> Adam<'v> {
             kept: Kept::default(),
             #[cfg(feature = "gpu")]
             there: None,
+            #[cfg(feature = "gpu")]
+            ahead: Vec::new(),
             summary: AdamSummary::default(),
         }
     }
 
     /// Moves both branches, and the velocities of the `LiDAR` branch, by steps that look at each view once; the mean over the views of the loss
-    /// before their step.
+    /// before their step. Views may have other pixels in another pass, but there are as many of them.
     pub fn pass(&mut self, set: &mut GaussianSet, views: &[&'v View]) -> f64 {
         let loss = self.pass_ahead(set, views);
-        self.settle(set, views);
+        self.settle(set);
         loss
     }
 
@@ -127,11 +134,11 @@ impl<'v> Adam<'v> {
     }
 
     /// Brings the scene to where the steps have led.
-    pub fn settle(&mut self, set: &mut GaussianSet, views: &[&'v View]) {
+    pub fn settle(&mut self, set: &mut GaussianSet) {
         #[cfg(feature = "gpu")]
-        self.settle_there(set, views);
+        self.settle_there(set);
         // Without GPUs it is there already.
-        let _ = (set, views);
+        let _ = set;
     }
 
     /// The loss over the `chosen` of the views before a step that looks at them.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::ViewSchedule;
+use super::{PixelStride, ViewSchedule};
 use crate::{network::config::StepLength, objective::ObjectiveSeconds, render::Device};
 
 /// After which learned steps every Gaussian's length of the step is searched for.
@@ -54,8 +54,8 @@ pub struct RefineSettings {
     pub steps: usize,
     /// Views that a step looks at.
     pub schedule: ViewSchedule,
-    /// How many times smaller in width and height the images are that it looks at.
-    pub reduce: usize,
+    /// Which of their pixels.
+    pub pixel_stride: PixelStride,
     /// No step begins, after the first, that would probably end later than this; `None` for no limit.
     pub until: Option<Instant>,
     /// Steps after which lengths are searched for.
@@ -72,7 +72,7 @@ impl From<usize> for RefineSettings {
         Self {
             steps,
             schedule: ViewSchedule::default(),
-            reduce: 1,
+            pixel_stride: PixelStride::ALL,
             until: None,
             line_search: LineSearch::Auto,
             last: LastStep::Checked,
@@ -86,6 +86,8 @@ impl From<usize> for RefineSettings {
 pub struct RefineSummary {
     /// Loss over the input views before each step that was begun, and after the last one when it was measured.
     pub losses: Vec<f64>,
+    /// How far apart the pixels were that they drew.
+    pub pixel_stride: usize,
     /// Steps whose result was kept.
     pub steps: usize,
     /// Whether the refinement ended because a step did not help: it changed nothing, or was taken back as the loss had not fallen.

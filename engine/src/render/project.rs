@@ -22,6 +22,8 @@ pub(super) struct Projector {
     pub(super) limits_max: DVec2,
     time: f64,
     size: [usize; 2],
+    /// What is added to the variances of a footprint, px^2.
+    pub(super) blur: f64,
 }
 
 /// A Gaussian in the camera at the moment at which it is exposed.
@@ -111,6 +113,7 @@ impl Projector {
             limits_max: (size - centre) / focal + margin,
             time: f64::from(view.time),
             size: [view.width, view.height],
+            blur: BLUR_PX2 * f64::from(view.pixel_side).powi(2),
         }
     }
 
@@ -161,9 +164,9 @@ impl Projector {
         let image_from_world = bend.map_or(rows, |bend| bent(bend, rows));
         let scale = vector(splat.scale);
         let m = image_from_world.map(|row| (axes.transpose() * row) * scale);
-        let (xx, yy) = (m[0].length_squared() + BLUR_PX2, m[1].length_squared() + BLUR_PX2);
+        let (xx, yy) = (m[0].length_squared() + self.blur, m[1].length_squared() + self.blur);
         // |m0|^2 |m1|^2 - (m0 m1)^2 by Lagrange's identity: no cancellation for thin Gaussians.
-        let determinant = m[0].cross(m[1]).length_squared() + BLUR_PX2 * (xx + yy - BLUR_PX2);
+        let determinant = m[0].cross(m[1]).length_squared() + self.blur * (xx + yy - self.blur);
         Some(Projected {
             rotation,
             elapsed,
@@ -184,7 +187,7 @@ impl Projector {
     /// a parameter is not a number.
     ///
     /// # Formula
-    /// `cov_xx <= |row of J W|^2 s_max^2 + 0.3`.
+    /// `cov_xx <= |row of J W|^2 s_max^2 + blur`.
     #[inline(always)]
     fn is_surely_outside(&self, splat: &Splat, &Sight { mean: t, rotation, bend, .. }: &Sight) -> bool {
         if t.z < NEAR_PLANE {
@@ -203,7 +206,7 @@ impl Projector {
         let rows = bend.map_or(rows, |bend| bent(bend, rows));
         let reach = largest_reach(splat.opacity);
         (0..2).any(|axis| {
-            let extent = reach * (largest * largest * rows[axis].length_squared() + BLUR_PX2).sqrt();
+            let extent = reach * (largest * largest * rows[axis].length_squared() + self.blur).sqrt();
             centre[axis] + extent < 0.5 || centre[axis] - extent > self.size[axis] as f64 - 0.5
         })
     }
@@ -330,6 +333,7 @@ mod tests {
             camera_from_clip: [[0.8, 0.0, 0.6, 0.2], [0.0, 1.0, 0.0, 0.1], [-0.6, 0.0, 0.8, 0.3]],
             time: 0.2,
             shutter: None,
+            pixel_side: 1.0,
         };
         let projector = Projector::new(&view);
         let at = |i: u32, salt: f32| ((i as f32 * 12.9898 + salt).sin() * 43_758.547).fract();

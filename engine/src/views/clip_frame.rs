@@ -74,6 +74,7 @@ impl ClipFrame {
             camera_from_clip: std::array::from_fn(|r| rows[r].map(to_f32)),
             time: self.time(camera.timestamp),
             shutter: None,
+            pixel_side: 1.0,
         }
     }
 }

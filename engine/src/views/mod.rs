@@ -12,6 +12,7 @@ mod selection;
 mod shrink;
 pub(crate) mod shutter;
 mod stray;
+mod strided;
 
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
@@ -22,9 +23,9 @@ pub use pinhole::{NEAR, PinholeView, Projected};
 pub use response::Response;
 pub(crate) use response::{light, off_axis};
 pub use selection::{SelectedFrames, Selection};
-pub(crate) use shrink::at_factor;
 pub use shutter::Shutter;
 pub(crate) use stray::{Stray, strays};
+pub(crate) use strided::strided;
 
 /// A `LiDAR` return that projects into a view.
 #[derive(Clone, Copy, Debug, PartialEq)]

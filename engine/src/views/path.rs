@@ -70,6 +70,7 @@ pub fn path_views(keys: &[PathKey], lens: &PinholeView, frame: &ClipFrame, froze
             camera_from_clip: std::array::from_fn(|r| rows[r].map(lgs_formats::casts::to_f32)),
             time: frozen.unwrap_or_else(|| frame.time(key.timestamp)),
             shutter: None,
+            pixel_side: 1.0,
             ..*lens
         }
     };

@@ -23,6 +23,8 @@ pub struct PinholeView {
     pub time: f32,
     /// How pixels are exposed at moments around that one; `None` where all are at once.
     pub shutter: Option<Shutter>,
+    /// Side of what a pixel sees, in distances between pixels: 1, and less where only some of an image's pixels are drawn.
+    pub pixel_side: f32,
 }
 
 /// Points at this depth or nearer are behind the camera, metres (the renderer's near plane).

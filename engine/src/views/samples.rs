@@ -16,6 +16,7 @@ pub(crate) fn ahead(width: usize, height: usize, focal: f32) -> PinholeView {
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
         shutter: None,
+        pixel_side: 1.0,
     }
 }
 

@@ -1,20 +1,9 @@
 //! A view with fewer pixels, for work that does not need all of them.
 
-use std::borrow::Cow;
-
 use lgs_formats::casts::to_f32;
 use lgs_formats::image::{DepthMap, PixelLabel, RgbImage};
 
 use super::{DepthSample, PinholeView, View};
-use crate::parallel;
-
-/// `views`, each `factor` times smaller in width and height; nothing is copied for a factor of 1.
-pub(crate) fn at_factor<'a>(views: &[&'a View], factor: usize) -> Vec<Cow<'a, View>> {
-    match factor {
-        0 | 1 => views.iter().map(|&view| Cow::Borrowed(view)).collect(),
-        _ => parallel::map(views.len(), 1, &|k| Cow::Owned(views[k].reduced(factor))),
-    }
-}
 
 impl PinholeView {
     /// The camera of an image whose pixels are blocks of `factor` x `factor` of this one's; rows and columns at the end that do not fill a

@@ -3,7 +3,7 @@
 use lgs_engine::{
     densify::{Density, Limit, Scope, Thresholds},
     recipe::Recipe,
-    refine::LineSearch,
+    refine::{LineSearch, PixelStride},
 };
 
 use super::setting::{Setting, Weights};
@@ -91,11 +91,11 @@ pub const AXES: [Axis; 12] = [
         help: "Input views that a step of a refinement looks at, or all",
     },
     Axis {
-        name: "refine-reduce",
-        knobs: &["refine-reduce"],
+        name: "pixel-stride",
+        knobs: &["pixel-stride"],
         none: "",
-        usual: "1",
-        help: "How many times smaller in width and height the images are that a step looks at, 1 to 64",
+        usual: "auto",
+        help: "How far apart the pixels are that a step draws: auto or 1 to 64",
     },
     Axis {
         name: "device",
@@ -198,9 +198,9 @@ fn runs(axes: &Axes, models: &[Parts]) -> Vec<Run> {
         }
     }
     for &recipe in &axes.recipes {
-        let Recipe { refine_views, refine_reduce, .. } = recipe;
+        let Recipe { refine_views, pixel_stride, .. } = recipe;
         let initial = Recipe { query: false, ..Recipe::initial(recipe.start()) };
-        let recipe = Recipe { refine_views, refine_reduce, ..initial };
+        let recipe = Recipe { refine_views, pixel_stride, ..initial };
         runs.extend(marked(None, &Setting { weights: None, recipe }, &axes.adam));
     }
     runs
@@ -242,8 +242,9 @@ fn marked(network: Option<usize>, base: &Setting, adam: &[usize]) -> Vec<Run> {
     marks.dedup();
     let setting = |&adam_passes: &usize| {
         let recipe = Recipe { adam_passes, ..base.recipe };
-        let whole = Recipe { refine_views: None, refine_reduce: 1, ..recipe };
-        Setting { recipe: if recipe.refines() { recipe } else { whole }, ..base.clone() }
+        let refine_views = recipe.refine_views.filter(|_| recipe.refines());
+        let pixel_stride = if recipe.draws_inputs() { recipe.pixel_stride } else { PixelStride::Auto };
+        Setting { recipe: Recipe { refine_views, pixel_stride, ..recipe }, ..base.clone() }
     };
     let settings = marks.iter().map(setting);
     let (none, some): (Vec<_>, Vec<_>) =
@@ -324,19 +325,19 @@ mod tests {
 
     #[test]
     fn what_a_refinement_looks_at_is_told_apart_where_there_is_one() {
-        let few = [("refine-steps", "0,3"), ("refine-reduce", "1,2")];
+        let few = [("refine-steps", "0,3"), ("pixel-stride", "1,2")];
         let axes = Axes { adam: Vec::new(), then_adam: vec![10, 0], ..axes(&few) };
         let all = runs(&axes, &[model(true, false)]);
         let numbers = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
             steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
         };
         let steps = |setting: &Setting| {
-            let Recipe { refine_steps, adam_passes, refine_reduce, .. } = setting.recipe;
-            [refine_steps, adam_passes, refine_reduce]
+            let Recipe { refine_steps, adam_passes, pixel_stride, .. } = setting.recipe;
+            [refine_steps, adam_passes, if pixel_stride == PixelStride::Auto { 0 } else { pixel_stride.of(&[]) }]
         };
         let found: Vec<Vec<[usize; 3]>> = all.iter().map(|run| run.settings.iter().map(steps).collect()).collect();
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
-        let unrefined_first = [numbers(1, &[[0, 0]]), numbers(1, &[[0, 10]])].concat();
+        let unrefined_first = [numbers(0, &[[0, 0]]), numbers(1, &[[0, 10]])].concat();
         let learned = |reduce| [numbers(reduce, &[[3, 0]]), numbers(reduce, &[[3, 10]])];
         assert_eq!(found, [vec![unrefined_first, numbers(2, &[[0, 10]])], [learned(1), learned(2)].concat()].concat());
     }

@@ -4,7 +4,7 @@ use lgs_engine::{
     densify::{Density, Scope},
     gaussians::background::Mode,
     recipe::{Recipe, usual_limit, word},
-    refine::LineSearch,
+    refine::{LineSearch, PixelStride},
 };
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +70,11 @@ impl Setting {
         parts.extend((recipe.adam_passes > 0 || !recipe.network).then(|| format!("Adam {}", recipe.adam_passes)));
         parts.extend(recipe.refine_views.map(|views| format!("{views} views a step")));
         parts.extend((!recipe.device.is_auto()).then(|| format!("on {}", String::from(recipe.device))));
-        parts.extend((recipe.refine_reduce > 1).then(|| format!("images 1/{}", recipe.refine_reduce)));
+        match recipe.pixel_stride {
+            PixelStride::Auto => {}
+            PixelStride::ALL => parts.push("all pixels".to_owned()),
+            stride => parts.push(format!("every {stride}th pixel")),
+        }
         if recipe.network {
             parts.extend((!recipe.query).then(|| "no query".to_owned()));
             match recipe.density {

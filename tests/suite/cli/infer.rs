@@ -12,6 +12,8 @@ use lgs_tests::{Outcome, case, clips, places};
 use libtest_mimic::Trial;
 use serde_json::Value;
 
+use crate::street::HALF_SIZE;
+
 pub(crate) fn cases() -> Vec<Trial> {
     vec![
         case("cli::infer::writes_what_it_promises", writes_what_it_promises),
@@ -108,8 +110,9 @@ fn metrics_have_exactly_the_promised_keys() -> Outcome {
 fn same_bytes_for_any_number_of_threads() -> Outcome {
     let place = tempfile::tempdir()?;
     let [one, two] = ["1", "2"].map(|threads| place.path().join(threads));
-    infer(&clips::street(), &one, &["--hold-out", "odd", "--threads", "1"])?;
-    infer(&clips::street(), &two, &["--hold-out", "odd", "--threads", "2"])?;
+    for (threads, out) in [("1", &one), ("2", &two)] {
+        infer(&clips::street(), out, &[&HALF_SIZE[..], &["--hold-out", "odd", "--threads", threads]].concat())?;
+    }
     same_results(&one, &two)
 }
 
@@ -131,11 +134,11 @@ pub(super) fn same_results(one: &Path, two: &Path) -> Outcome {
 fn views_can_be_left_out() -> Outcome {
     let place = tempfile::tempdir()?;
     let [none, held_out] = ["none", "held-out"].map(|views| place.path().join(views));
-    infer(&clips::street(), &none, &["--views", "none", "--hold-out", "1"])?;
+    infer(&clips::street(), &none, &[&HALF_SIZE[..], &["--views", "none", "--hold-out", "1"]].concat())?;
     if files(&none)?.iter().any(|path| path.starts_with("views")) {
         return Err("--views none wrote views".into());
     }
-    infer(&clips::street(), &held_out, &["--views", "held-out", "--hold-out", "1"])?;
+    infer(&clips::street(), &held_out, &[&HALF_SIZE[..], &["--views", "held-out", "--hold-out", "1"]].concat())?;
     let pictures: Vec<_> = files(&held_out)?.into_iter().filter(|path| path.starts_with("views")).collect();
     let of_frame = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("f1_"));
     if pictures.is_empty() || !pictures.iter().all(of_frame) {
@@ -197,8 +200,9 @@ fn held_out_files_do_not_reach_the_scene() -> Outcome {
     let mut picture = image::open(&image_file)?.to_rgb8();
     picture.iter_mut().for_each(|byte| *byte = 255 - *byte);
     picture.save(&image_file)?;
-    infer(&clips::street(), &clean, &["--hold-out", "1", "--views", "none"])?;
-    infer(&clip, &other, &["--hold-out", "1", "--views", "none"])?;
+    let flags = [&HALF_SIZE[..], &["--hold-out", "1", "--views", "none"]].concat();
+    infer(&clips::street(), &clean, &flags)?;
+    infer(&clip, &other, &flags)?;
     if fs::read(clean.join("scene.ply"))? == fs::read(other.join("scene.ply"))? {
         return Ok(());
     }
@@ -213,8 +217,9 @@ fn epochs_and_map_coordinates_do_not_matter() -> Outcome {
     let [near, far, clip] = ["near", "far", "clip"].map(|name| place.path().join(name));
     clips::copy(&clips::street(), &clip)?;
     clips::edit(&clip, |description| clips::shift(description, EPOCH, SHIFT))?;
-    infer(&clips::street(), &near, &["--hold-out", "1"])?;
-    infer(&clip, &far, &["--hold-out", "1"])?;
+    let flags = [&HALF_SIZE[..], &["--hold-out", "1", "--views", "held-out"]].concat();
+    infer(&clips::street(), &near, &flags)?;
+    infer(&clip, &far, &flags)?;
     let figures = |out: &Path| -> Result<Vec<f64>, String> {
         let page = metrics::read(out)?;
         let defined = FIGURES.iter().filter(|figure| !page["mean"]["held_out"][**figure].is_null());
@@ -226,7 +231,7 @@ fn epochs_and_map_coordinates_do_not_matter() -> Outcome {
 fn json_goes_to_stdout() -> Outcome {
     let place = tempfile::tempdir()?;
     let out = place.path().join("out");
-    let printed = infer(&clips::street(), &out, &["--views", "none", "--json"])?;
+    let printed = infer(&clips::street(), &out, &[&HALF_SIZE[..], &["--views", "none", "--json"]].concat())?;
     let printed: Value = serde_json::from_str(&printed).map_err(|e| format!("stdout is no JSON: {e}: {printed}"))?;
     let written = metrics::read(&out)?;
     if printed == written { Ok(()) } else { Err(format!("stdout says {printed:#}, the file {written:#}").into()) }

@@ -84,11 +84,11 @@ fn preset() -> Outcome {
 
 fn flags_change_a_preset() -> Outcome {
     let place = tempfile::tempdir()?;
-    let flags = ["--preset", "accurate", "--background", "off", "--refine-with", "adam:1", "--refine-reduce", "3"];
+    let flags = ["--preset", "accurate", "--background", "off", "--refine-with", "adam:1", "--pixel-stride", "3"];
     let config = &infer(place.path(), "out", &flags)?["config"];
     expect("background", &config["background"], &json!("off"))?;
     expect("refine_with", &config["refine_with"], &json!("adam:1"))?;
-    expect("refine_reduce", &config["refine_reduce"], &json!(3))
+    expect("pixel_stride", &config["pixel_stride"], &json!("3"))
 }
 
 fn ample_time() -> Outcome {
@@ -116,8 +116,7 @@ fn ample_time() -> Outcome {
     } else {
         flags.extend(["--weights", "none"]);
     }
-    let reduce = recipe["refine_reduce"].to_string();
-    flags.extend(["--refine-reduce", &reduce]);
+    flags.extend(["--pixel-stride", recipe["pixel_stride"].as_str().unwrap_or("auto")]);
     infer(place.path(), "again", &flags)?;
     let scene = |out: &str| fs::read(place.path().join(out).join("scene.ply"));
     if scene("budget")? == scene("again")? { Ok(()) } else { Err(format!("{flags:?}: another scene").into()) }

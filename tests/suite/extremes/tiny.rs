@@ -125,6 +125,7 @@ pub(super) const AHEAD: PinholeView = PinholeView {
     camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
     time: 0.0,
     shutter: None,
+    pixel_side: 1.0,
 };
 
 /// Raw attributes of a grey, half transparent sphere of 0.25 m, four metres ahead.

@@ -189,7 +189,7 @@ fn steps_after_a_loss_are_the_cpus() -> Outcome {
                     adam.pass(&mut set, &views)
                 };
             }
-            adam.settle(&mut set, &views);
+            adam.settle(&mut set);
             (set, adam.into_summary().losses)
         };
         let ((got_set, got), (want_set, want)) = (run(Device::Gpu(gpu)), run(Device::Cpu));
@@ -262,7 +262,7 @@ fn optimised(set: &GaussianSet, views: &[View; 2], device: Device, passes: usize
     (0..passes).for_each(|_| {
         adam.pass_ahead(&mut set, &views);
     });
-    adam.settle(&mut set, &views);
+    adam.settle(&mut set);
     (set, adam.into_summary().losses)
 }
 

@@ -43,6 +43,7 @@ pub(super) fn view(random: &mut Random) -> View {
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.05,
         shutter: None,
+        pixel_side: 1.0,
     };
     let data = (0..width * height * 3).map(|_| random.uniform_single(0.0, 1.0)).collect();
     let depth_samples =

@@ -190,5 +190,6 @@ pub(crate) fn ahead() -> PinholeView {
         camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.5,
         shutter: None,
+        pixel_side: 1.0,
     }
 }

@@ -88,7 +88,7 @@ fn changes_nothing(kind: &str, more: More<'_>) -> Outcome {
     let place = tempfile::tempdir()?;
     let clip = with(more, place.path())?;
     for (weights, want) in [("none", street::without_network()?), ("tiny", street::with_network()?)] {
-        let got = street::found_of(&clip, &["--weights", weights])?;
+        let got = street::half_size_of(&clip, &["--weights", weights])?;
         let [psnr, dmae] = ["psnr", "dmae"].map(|figure| {
             let value = |found| metrics::number(found, &["mean", "held_out", figure]);
             value(&got).and_then(|got| Ok(got - value(want)?))

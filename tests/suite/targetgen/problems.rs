@@ -47,6 +47,7 @@ pub(crate) fn camera(x: f32) -> PinholeView {
         camera_from_clip: [[1.0, 0.0, 0.0, -x], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
         time: 0.0,
         shutter: None,
+        pixel_side: 1.0,
     }
 }
 

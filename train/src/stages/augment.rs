@@ -175,6 +175,7 @@ mod tests {
             camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             time: 0.0,
             shutter: None,
+            pixel_side: 1.0,
         };
         let data = (0..width * height).flat_map(|i| [i as f32 / 100.0; 3]).collect();
         let labels = (0..width * height).map(|i| if i % 3 == 0 { PixelLabel::Dynamic } else { PixelLabel::Static });

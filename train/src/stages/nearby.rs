@@ -54,6 +54,7 @@ mod tests {
             camera_from_clip: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
             time: 0.0,
             shutter: None,
+            pixel_side: 1.0,
         };
         assert!(outside(&view, [0.0, 0.0, 9.0]) < 0.0);
         assert_eq!(outside(&view, [13.0, 0.0, 10.0]), 3.0);

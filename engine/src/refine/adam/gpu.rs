@@ -42,8 +42,8 @@ pub(super) struct There {
     counts: Owned,
     num_lidar: usize,
     len: usize,
-    /// Steps and spoiled gradients when the scene was last the same here; `None` where it still is.
-    before: Option<[usize; 2]>,
+    /// Spoiled gradients when the scene was last the same here; `None` where it still is.
+    before: Option<usize>,
 }
 
 impl<'v> Adam<'v> {
@@ -61,33 +61,32 @@ impl<'v> Adam<'v> {
             there.step(&mut work, &self.settings, &self.paces, chosen, &mut self.kept)
         });
         let Some((loss, spoiled, seconds)) = step else {
-            self.settle_there(set, views);
+            self.settle_there(set);
             self.there = None;
             return None;
         };
         if let Some(there) = &mut self.there {
-            there.before.get_or_insert([self.steps, self.summary.non_finite_gradients]);
+            there.before.get_or_insert(self.summary.non_finite_gradients);
         }
+        self.ahead.push(chosen.to_vec());
         self.summary.seconds.add(seconds);
         self.summary.non_finite_gradients += spoiled;
         Some(loss)
     }
 
     /// Reads scene and moments; where that fails, makes the steps here that were made there since they were last read.
-    pub(super) fn settle_there(&mut self, set: &mut GaussianSet, views: &[&'v View]) {
+    pub(super) fn settle_there(&mut self, set: &mut GaussianSet) {
+        let ahead = std::mem::take(&mut self.ahead);
         let Some(there) = &mut self.there else { return };
-        let Some([steps, spoiled]) = there.before.take() else { return };
+        let Some(spoiled) = there.before.take() else { return };
         let memory = &mut self.memory;
         if self.settings.device.try_gpu(|_| there.read(set, memory)).is_some() {
             return;
         }
         self.there = None;
-        let done = std::mem::replace(&mut self.steps, steps);
         self.summary.non_finite_gradients = spoiled;
-        while self.steps < done {
-            let chosen = self.settings.schedule.of_step(self.steps, views);
+        for chosen in ahead {
             self.step_here(set, &chosen);
-            self.steps += 1;
         }
     }
 }

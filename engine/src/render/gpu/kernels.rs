@@ -1,7 +1,7 @@
 //! The kernels' sources, and what stands before each: constants and layouts that Rust and WGSL share.
 
 use super::super::constants::{
-    ALPHA_MAX, ALPHA_MIN, BLUR_PX2, EXPECTED_DEPTH_EPS, LOG2_ALPHA_MIN, NEAR_PLANE, TILE_HEIGHT, TILE_WIDTH,
+    ALPHA_MAX, ALPHA_MIN, EXPECTED_DEPTH_EPS, LOG2_ALPHA_MIN, NEAR_PLANE, TILE_HEIGHT, TILE_WIDTH,
 };
 use crate::views::shutter::FASTEST;
 
@@ -62,7 +62,6 @@ fn constants() -> String {
         ("ALPHA_MAX", ALPHA_MAX),
         ("ALPHA_MIN", ALPHA_MIN),
         ("LOG2_ALPHA_MIN", LOG2_ALPHA_MIN),
-        ("BLUR_PX2", BLUR_PX2 as f32),
         ("NEAR_PLANE", NEAR_PLANE as f32),
         ("EXPECTED_DEPTH_EPS", EXPECTED_DEPTH_EPS),
         ("SHUTTER_FASTEST", FASTEST as f32),

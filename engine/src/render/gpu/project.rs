@@ -82,7 +82,7 @@ impl Camera {
         let mut camera = Self {
             rows: view.camera_from_clip.map(|[x, y, z, _]| [x, y, z, 0.0]),
             centre: four(high, view.time),
-            centre_rest: four(rest.to_array().map(to_f32), 0.0),
+            centre_rest: four(rest.to_array().map(to_f32), to_f32(projector.blur)),
             lens: pairs(projector.focal, projector.centre),
             limits: pairs(projector.limits_min, projector.limits_max),
             moments: [0.0; 4],

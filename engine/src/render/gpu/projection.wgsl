@@ -8,7 +8,8 @@ struct Camera {
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    // Centre in the clip frame, and what f32 leaves of it; the view's time in `centre.w`.
+    // Centre in the clip frame, and what f32 leaves of it; the view's time in `centre.w`, the blur's variance in
+    // `centre_rest.w`.
     centre: vec4<f32>,
     centre_rest: vec4<f32>,
     // Focal lengths and principal point.
@@ -181,7 +182,7 @@ fn project(camera: Camera, place: vec4<f32>, quat: vec4<f32>, shape: vec4<f32>, 
     p.size = max(1.0, max(wide.x, max(wide.y, wide.z)));
     p.m_x = m_x / p.size;
     p.m_y = m_y / p.size;
-    let blur = BLUR_PX2 / p.size / p.size;
+    let blur = camera.centre_rest.w / p.size / p.size;
     p.xx = dot(p.m_x, p.m_x) + blur;
     p.yy = dot(p.m_y, p.m_y) + blur;
     p.xy = dot(p.m_x, p.m_y);

@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn values_are_lists() {
-        let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --refine-reduce 4 --line-search off,last --density random --query off --background none";
+        let line = "a --out o --max-gaussians none,500,70% --refine-views all,2 --adam 5,1 --then-adam 0,4 --pixel-stride 4 --line-search off,last --density random --query off --background none";
         let axes = parse(line).unwrap().axes().remove(0);
         assert_eq!((axes.adam, axes.then_adam, axes.recipes.len()), (vec![5, 1], vec![0, 4], 3 * 3 * 2 * 2));
         let limits: Vec<_> = axes.recipes.iter().step_by(12).map(|recipe| recipe.max_gaussians).collect();
@@ -205,7 +205,7 @@ mod tests {
         let [first, last] = [axes.recipes[0], axes.recipes[35]];
         assert_eq!((first.refine_views, last.refine_views), (None, NonZeroUsize::new(2)));
         assert_eq!((first.line_search, last.line_search), (LineSearch::Off, LineSearch::Last));
-        assert_eq!((first.refine_steps, last.refine_steps, last.refine_reduce), (0, 3, 4));
+        assert_eq!((first.refine_steps, last.refine_steps, last.pixel_stride), (0, 3, "4".parse().unwrap()));
         assert_eq!((first.density, first.query, first.background), (Density::Random, false, Mode::Off));
         assert!(parse("a --out o --no-adam").unwrap().axes()[0].adam.is_empty());
     }
@@ -247,7 +247,7 @@ mod tests {
             "a --out o --max-gaussians 0",
             "a --out o --adam -1",
             "a --out o --refine-views none",
-            "a --out o --refine-reduce 0",
+            "a --out o --pixel-stride 0",
             "a --out o --then-adam 100001",
             "a --out o --repeats 0",
             "a --out o --weights random:",

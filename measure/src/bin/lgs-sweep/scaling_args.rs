@@ -22,7 +22,7 @@ const OTHERS: [&str; 23] = [
     "no_adam",
     "then_adam",
     "refine-views",
-    "refine-reduce",
+    "pixel-stride",
     "line-search",
     "device",
     "budgets",

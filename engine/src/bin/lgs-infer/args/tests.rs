@@ -62,8 +62,8 @@ fn one_of_two_refines() {
     let both = Recipe { refine_steps: 2, adam_passes: 10, ..usual };
     assert_eq!(steps("c --preset accurate", both), [2, 10]);
     assert_eq!(steps("c --preset accurate --refine-with learned", both), [2, 0]);
-    let looks = parse("c --refine-views 4 --refine-reduce 2 --background gaps --query off").unwrap().recipe.of(usual);
-    assert_eq!((looks.refine_views, looks.refine_reduce), (NonZeroUsize::new(4), 2));
+    let looks = parse("c --refine-views 4 --pixel-stride 2 --background gaps --query off").unwrap().recipe.of(usual);
+    assert_eq!((looks.refine_views, looks.pixel_stride), (NonZeroUsize::new(4), "2".parse().unwrap()));
     assert_eq!((looks.background, looks.query, looks.density), (Mode::Gaps, false, Density::Exact));
 }
 
@@ -91,8 +91,8 @@ fn what_makes_no_sense_is_refused() {
         "c --refine-with adam:1000000",
         "c --refine-with nobody",
         "c --refine-views 0",
-        "c --refine-reduce 0",
-        "c --refine-reduce 65",
+        "c --pixel-stride 0",
+        "c --pixel-stride 65",
         "c --query maybe",
         "c --preset slow",
         "c --time-budget 0",
