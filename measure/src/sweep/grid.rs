@@ -325,21 +325,27 @@ mod tests {
 
     #[test]
     fn what_a_refinement_looks_at_is_told_apart_where_there_is_one() {
-        let few = [("refine-steps", "0,3"), ("pixel-stride", "1,2")];
-        let axes = Axes { adam: Vec::new(), then_adam: vec![10, 0], ..axes(&few) };
-        let all = runs(&axes, &[model(true, false)]);
-        let numbers = |reduce, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
-            steps.iter().map(|&[learned, adam]| [learned, adam, reduce]).collect()
+        let numbers = |stride, steps: &[[usize; 2]]| -> Vec<[usize; 3]> {
+            steps.iter().map(|&[learned, adam]| [learned, adam, stride]).collect()
         };
         let steps = |setting: &Setting| {
             let Recipe { refine_steps, adam_passes, pixel_stride, .. } = setting.recipe;
             [refine_steps, adam_passes, if pixel_stride == PixelStride::Auto { 0 } else { pixel_stride.of(&[]) }]
         };
-        let found: Vec<Vec<[usize; 3]>> = all.iter().map(|run| run.settings.iter().map(steps).collect()).collect();
+        let found = |density| -> Vec<Vec<[usize; 3]>> {
+            let few = [("refine-steps", "0,3"), ("pixel-stride", "1,2"), ("density", density)];
+            let axes = Axes { adam: Vec::new(), then_adam: vec![10, 0], ..axes(&few) };
+            let all = runs(&axes, &[model(true, false)]);
+            all.iter().map(|run| run.settings.iter().map(steps).collect()).collect()
+        };
         // Without any step there is nothing to look at; what comes after three steps is told apart from the first on.
         let unrefined_first = [numbers(0, &[[0, 0]]), numbers(1, &[[0, 10]])].concat();
-        let learned = |reduce| [numbers(reduce, &[[3, 0]]), numbers(reduce, &[[3, 10]])];
-        assert_eq!(found, [vec![unrefined_first, numbers(2, &[[0, 10]])], [learned(1), learned(2)].concat()].concat());
+        let learned = |stride| [numbers(stride, &[[3, 0]]), numbers(stride, &[[3, 10]])];
+        let refined = [learned(1), learned(2)].concat();
+        assert_eq!(found("off"), [vec![unrefined_first, numbers(2, &[[0, 10]])], refined.clone()].concat());
+        // Who is needed is seen in the views.
+        let pruned = [1, 2].map(|stride| numbers(stride, &[[0, 0], [0, 10]]));
+        assert_eq!(found("exact"), [pruned.to_vec(), refined].concat());
     }
 
     #[test]
