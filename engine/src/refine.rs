@@ -144,7 +144,7 @@ impl<'a, 'v> Refinement<'a, 'v> {
             settings,
             pyramids: Default::default(),
             kept: Kept::with_drawn(),
-            summary: RefineSummary { pixel_stride, ..RefineSummary::default() },
+            summary: RefineSummary { pixel_stride: Some(pixel_stride), ..RefineSummary::default() },
         }
     }
 

@@ -31,6 +31,14 @@ fn turns<'a>(views: &[&'a View], stride: usize, passes: usize) -> Vec<Vec<Cow<'a
     (0..count).map(|turn| strided(views, stride, turn)).collect()
 }
 
+/// Which of so many turns a pass looks at, from 1 on; `None` for all pixels.
+const fn turn_of(pass: usize, num_turns: usize) -> Option<usize> {
+    if num_turns == 0 || pass.is_multiple_of(ALL_EVERY) {
+        return None;
+    }
+    Some((pass - 1 - pass / ALL_EVERY) % num_turns)
+}
+
 impl Reconstruction {
     /// Optimises the scene over the input views, in place: as many steps, with such views, as the recipe of `run` says, or those that its
     /// deadline leaves time for. `rates`: the lengths of the steps; `marks`: after how many of them the scene is shown, and to whom.
@@ -67,9 +75,9 @@ impl Reconstruction {
         watch.progress.begin(Stage::Refine, steps);
         for step in 1..=steps {
             let begun = Instant::now();
-            let (views, pass_s) = match fewer.get((step - 1 - step / ALL_EVERY) % fewer.len().max(1)) {
-                Some(views) if step % ALL_EVERY != 0 => (views, &mut seconds.fewer),
-                _ => (&full, &mut seconds.all),
+            let (views, pass_s) = match turn_of(step, fewer.len()) {
+                Some(turn) => (&fewer[turn], &mut seconds.fewer),
+                None => (&full, &mut seconds.all),
             };
             if run.deadline.is_some_and(|deadline| begun + Duration::from_secs_f64(*pass_s) > deadline.until) {
                 break;
@@ -99,5 +107,19 @@ impl Reconstruction {
         self.optimisation = (!summary.losses.is_empty()).then_some(AdamSummary { pixel_stride: stride, ..summary });
         self.seconds = before + (start.elapsed() - waited).as_secs_f64();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::turn_of;
+
+    #[test]
+    fn turns_follow_each_other_and_every_fourth_pass_looks_at_all() {
+        let turns = |count| (1..=9).map(|pass| turn_of(pass, count)).collect::<Vec<_>>();
+        let all = None;
+        assert_eq!(turns(4), [Some(0), Some(1), Some(2), all, Some(3), Some(0), Some(1), all, Some(2)]);
+        assert_eq!(turns(2)[..3], [Some(0), Some(1), Some(0)]);
+        assert!(turns(0).iter().all(Option::is_none));
     }
 }

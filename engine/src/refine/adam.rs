@@ -108,7 +108,7 @@ impl<'v> Adam<'v> {
             there: None,
             #[cfg(feature = "gpu")]
             ahead: Vec::new(),
-            summary: AdamSummary::default(),
+            summary: AdamSummary { pixel_stride: 1, ..AdamSummary::default() },
         }
     }
 

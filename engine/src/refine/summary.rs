@@ -86,8 +86,8 @@ impl From<usize> for RefineSettings {
 pub struct RefineSummary {
     /// Loss over the input views before each step that was begun, and after the last one when it was measured.
     pub losses: Vec<f64>,
-    /// How far apart the pixels were that they drew.
-    pub pixel_stride: usize,
+    /// How far apart the pixels were that they drew, in columns and rows; `None` where there was no step.
+    pub pixel_stride: Option<usize>,
     /// Steps whose result was kept.
     pub steps: usize,
     /// Whether the refinement ended because a step did not help: it changed nothing, or was taken back as the loss had not fallen.

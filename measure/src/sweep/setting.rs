@@ -73,7 +73,7 @@ impl Setting {
         match recipe.pixel_stride {
             PixelStride::Auto => {}
             PixelStride::ALL => parts.push("all pixels".to_owned()),
-            stride => parts.push(format!("every {stride}th pixel")),
+            stride => parts.push(format!("pixel stride {stride}")),
         }
         if recipe.network {
             parts.extend((!recipe.query).then(|| "no query".to_owned()));

@@ -91,6 +91,9 @@ fn behind_a_network() -> Outcome {
     let both = with("d", &["--refine-with", "adam:2", "--refine-steps", "1", "--pixel-stride", "2"])?;
     expect("config.refine_steps", &both["config"]["refine_steps"], &json!(1))?;
     expect("config.pixel_stride", &both["config"]["pixel_stride"], &json!("2"))?;
+    for (what, found) in [("network", &both["network"]["refine"]), ("optimisation", &both["optimisation"])] {
+        expect(what, &found["pixel_stride"], &json!(2))?;
+    }
     if losses(&both).len() != 2 || both["network"]["refine"]["losses"].as_array().is_none_or(Vec::is_empty) {
         return Err(format!("expected both refinements, found {both}").into());
     }

@@ -24,7 +24,7 @@ const REFUSED: [(&str, &[&str], &[&str]); 23] = [
     ("budget_without_a_network", &["--max-gaussians", "10"], &["--max-gaussians", "--weights"]),
     ("steps_without_end", &["--refine-steps", "1000000"], &["--refine-steps", "1000000"]),
     ("refinement_of_no_views", &["--refine-views", "0"], &["--refine-views", "0"]),
-    ("images_without_size", &["--pixel-stride", "65"], &["--pixel-stride", "65"]),
+    ("pixels_too_far_apart", &["--pixel-stride", "65"], &["--pixel-stride", "65"]),
     ("unknown_refiner", &["--refine-with", "sgd:3"], &["--refine-with", "sgd:3"]),
     ("spacetime_of_one_moment", &["--stg", "--frames", "0", "--cameras", "front"], &["--stg", "one moment"]),
     ("sequence_at_no_rate", &["--sequence", "0"], &["--sequence", "0"]),
