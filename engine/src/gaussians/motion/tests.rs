@@ -1,6 +1,6 @@
 //! Sweeps of a made street: what moves is told from what stands.
 
-use super::registered;
+use super::{own_vehicle, registered, sweeps};
 use crate::points::PointCloud;
 
 /// A box that stands along the axes.
@@ -182,33 +182,40 @@ fn threads_do_not_matter() {
     assert_eq!(one, three);
 }
 
-#[test]
-fn returns_of_the_own_vehicle_go_with_it_and_a_wall_beside_it_does_not() {
-    let mut sweeps = scan(&street(), &[0.0, 0.2, 0.4]);
-    let standing = sweeps.cloud.len();
-    let mut cloud = PointCloud::default();
-    let starts: Vec<usize> = (0..3).map(|k| sweeps.cloud.frames.partition_point(|&frame| frame < k)).collect();
-    let mut owns = Vec::new();
-    for (frame, &time) in (0_u32..).zip(&[0.0_f32, 0.2, 0.4]) {
-        let end = starts.get(frame as usize + 1).copied().unwrap_or(standing);
-        let here = starts[frame as usize]..end;
-        cloud.positions.extend(&sweeps.cloud.positions[here.clone()]);
-        cloud.origins.extend(&sweeps.cloud.origins[here.clone()]);
-        let bonnet = (0..60_u16).map(|k| [5.0 * time + 1.2 + 0.02 * f32::from(k), 0.3, -0.9]);
-        owns.extend(cloud.positions.len()..cloud.positions.len() + 60);
-        cloud.positions.extend(bonnet);
-        cloud.origins.resize(cloud.positions.len(), [5.0 * time, 0.0, 0.0]);
-        cloud.times.resize(cloud.positions.len(), time);
+/// Sweeps from a sensor that drives at 5 m/s, 0.2 s apart, with a bonnet before it; and which returns are of the bonnet.
+fn with_bonnet(things: &[Thing]) -> (PointCloud, Vec<usize>) {
+    let times = [0.0, 0.2, 0.4];
+    let seen = scan(things, &times).cloud;
+    let (mut cloud, mut bonnet) = (PointCloud::default(), Vec::new());
+    for (frame, time) in (0_u32..).zip(times) {
+        let of_sweep = |&point: &usize| seen.frames[point] == frame;
+        cloud.positions.extend((0..seen.len()).filter(of_sweep).map(|point| seen.positions[point]));
+        bonnet.extend(cloud.len()..cloud.len() + 60);
+        let along = 5.0 * time as f32;
+        cloud.positions.extend((0..60_u16).map(|k| [along + 1.2 + 0.02 * f32::from(k), 0.3, -0.9]));
+        cloud.origins.resize(cloud.positions.len(), [along, 0.0, 0.0]);
+        cloud.times.resize(cloud.positions.len(), time as f32);
         cloud.frames.resize(cloud.positions.len(), frame);
     }
-    sweeps.cloud = cloud;
-    let found = registered(&sweeps.cloud, &[]).velocities;
-    for (i, [x, y, _]) in found.into_iter().enumerate() {
-        let want = if owns.contains(&i) { 5.0 } else { 0.0 };
-        assert!(
-            (x - want).abs() < 0.01 && y.abs() < 0.01,
-            "{x} {y} instead of {want} at {:?}",
-            sweeps.cloud.positions[i]
-        );
+    (cloud, bonnet)
+}
+
+#[test]
+fn returns_of_the_own_vehicle_go_with_it_and_a_wall_beside_it_does_not() {
+    let (cloud, bonnet) = with_bonnet(&street());
+    for (i, [x, y, _]) in registered(&cloud, &[]).velocities.into_iter().enumerate() {
+        let want = if bonnet.contains(&i) { 5.0 } else { 0.0 };
+        assert!((x - want).abs() < 0.01 && y.abs() < 0.01, "{x} {y} instead of {want} at {:?}", cloud.positions[i]);
     }
+}
+
+/// Its side is hit at the same places beside the sensor again, as the vehicle is.
+#[test]
+fn a_car_parked_beside_the_own_vehicle_is_not_of_it() {
+    let parked = Thing::new([-1.5, 2.0, -1.6], [3.0, 3.8, -0.2]);
+    let (cloud, bonnet) = with_bonnet(&[street(), vec![parked]].concat());
+    let starts = [0, 1, 2, 3].map(|frame| cloud.frames.partition_point(|&other| other < frame));
+    let runs: Vec<_> = starts.windows(2).map(|ends| ends[0]..ends[1]).collect();
+    let own = own_vehicle::own(&cloud, &runs, &sweeps::prepare(&cloud, &runs));
+    assert_eq!(own.iter().flat_map(|own| own.returns.clone()).collect::<Vec<_>>(), bonnet);
 }
