@@ -26,7 +26,7 @@ const AGAIN: f32 = 0.5;
 /// Side of the cubes of which 27 are judged as one, metres.
 const TOGETHER: f32 = 0.7;
 /// Times that returns are where they were, over the times that they are at the same place beside the sensor, from which on they stand. Within a
-/// metre that is 0 to 0.4 for what is on the vehicles of KITTI, KITTI-360, DDAD and PandaSet, and 0.8 to 1.5 for cars that are parked beside them.
+/// metre that is 0 to 0.4 for what is on the vehicles of KITTI, KITTI-360, DDAD and `PandaSet`, and 0.8 to 1.5 for cars that are parked beside them.
 const STANDS: f32 = 0.5;
 
 /// The returns of one sweep that go with the sensor, and the sensor's velocity, metres a second.

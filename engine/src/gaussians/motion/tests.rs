@@ -184,17 +184,17 @@ fn threads_do_not_matter() {
 
 /// Sweeps from a sensor that drives at 5 m/s, 0.2 s apart, with a bonnet before it; and which returns are of the bonnet.
 fn with_bonnet(things: &[Thing]) -> (PointCloud, Vec<usize>) {
-    let times = [0.0, 0.2, 0.4];
-    let seen = scan(things, &times).cloud;
+    let times = [0.0_f32, 0.2, 0.4];
+    let seen = scan(things, &times.map(f64::from)).cloud;
     let (mut cloud, mut bonnet) = (PointCloud::default(), Vec::new());
     for (frame, time) in (0_u32..).zip(times) {
         let of_sweep = |&point: &usize| seen.frames[point] == frame;
         cloud.positions.extend((0..seen.len()).filter(of_sweep).map(|point| seen.positions[point]));
         bonnet.extend(cloud.len()..cloud.len() + 60);
-        let along = 5.0 * time as f32;
+        let along = 5.0 * time;
         cloud.positions.extend((0..60_u16).map(|k| [along + 1.2 + 0.02 * f32::from(k), 0.3, -0.9]));
         cloud.origins.resize(cloud.positions.len(), [along, 0.0, 0.0]);
-        cloud.times.resize(cloud.positions.len(), time as f32);
+        cloud.times.resize(cloud.positions.len(), time);
         cloud.frames.resize(cloud.positions.len(), frame);
     }
     (cloud, bonnet)
